@@ -76,7 +76,8 @@ static bool described_values_exist(const struct described_protocol *protocol,
     return true;
 }
 
-/* Finds the row of a frame and its verdict; false = the identifier is not in the protocol. */
+/* Finds the row of a frame and its verdict. Returns false if the protocol does not use the
+ * identifier. */
 static bool described_identify(const struct described_protocol *protocol,
                                struct described_arrival *a)
 {
@@ -113,7 +114,7 @@ static bool described_identify(const struct described_protocol *protocol,
                 protocol, a, DESCRIBED_WRONG_CHECKSUM, a->frame->data[row->checksum_byte],
                 described_checksum(row->checksum, a->frame->data, row->length, row->checksum_byte));
         }
-        /* The parts of a group are checked one by one */
+        /* The repetitions of a group's frame are decoded later, one by one */
         if (!row->remote && match != DESCRIBED_BAD_LENGTH &&
             (row->by != DESCRIBED_BY_GROUP || match == DESCRIBED_BAD_CONSTANT)) {
             described_decode(row, a->frame, 0, a->values);
@@ -124,7 +125,7 @@ static bool described_identify(const struct described_protocol *protocol,
         if (row->by == DESCRIBED_BY_GROUP || !row->checked || described_values_exist(protocol, a)) {
             return true;
         }
-        /* A later row may take what this one does not list */
+        /* A later row with the same identifier may list these values */
         wrong = row;
     }
     if (wrong) {
@@ -137,7 +138,7 @@ static bool described_identify(const struct described_protocol *protocol,
     return a->row;
 }
 
-/* Returns whether a frame has a field of this meaning with another value. */
+/* Returns whether a frame has a field with this meaning whose value differs from `value`. */
 static bool described_differs(const struct described_arrival *a, enum described_meaning meaning,
                               int64_t value)
 {
@@ -182,7 +183,7 @@ static bool described_is_stuck(struct described_bus *bus, struct described_arriv
     return *heard == before;
 }
 
-/* Obeys a frame for `count` axes of a board from `first` on. A sensor counts as one axis. */
+/* Passes a frame to `count` axes of a board, from axis `first` on. A sensor counts as one axis. */
 static void described_board_receive(struct described_node *node, unsigned first, unsigned count,
                                     struct described_arrival *a)
 {
@@ -226,8 +227,8 @@ static void described_board_receive(struct described_node *node, unsigned first,
     }
 }
 
-/* Obeys a group's frame: one repetition per slot. An invalid part is not obeyed, but the other
- * parts are. The frame counts as its invalid part. */
+/* Obeys the frame of a group, which has one repetition per slot. Obeys valid repetitions and skips
+ * invalid ones. If one repetition is invalid, the frame counts as invalid. */
 static void described_bus_receive_group(struct described_bus *bus, struct described_arrival *a)
 {
     const struct described_frame *row = a->row;
@@ -235,11 +236,11 @@ static void described_bus_receive_group(struct described_bus *bus, struct descri
     enum board_verdict verdict = whole;
     struct board *wrong = NULL;
     unsigned first = a->number * row->repeats;
-    /* bytes missing in the last part */
+    /* counts an incomplete last repetition of a malformed frame */
     unsigned more = a->verdict == BOARD_OBEYED ? 0u : row->length - 1u;
     unsigned count = (a->frame->len + more) / row->length;
 
-    /* Bytes behind the last repetition are CAN FD padding */
+    /* Bytes after the last repetition are CAN FD padding */
     count = count < row->repeats ? count : row->repeats;
     for (unsigned k = 0; k < count && first + k < bus->slots; k++) {
         struct described_node *node = bus->slot[first + k].node;
@@ -311,7 +312,7 @@ static void described_bus_receive(struct boards *boards, struct board_bus *of,
     boards_count_frame(boards, a.listener, a.refused ? BOARD_MALFORMED : a.verdict, frame);
 }
 
-/* Resets the counters of the frames with a number. */
+/* Resets the counters of all frames that have the identifier number `number`. */
 static void described_forget_number(struct described_bus *bus, enum described_by by,
                                     unsigned number)
 {

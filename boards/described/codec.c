@@ -105,7 +105,7 @@ int64_t described_count(const struct described_field *field, double value)
         return bits;
     }
     if (scaled > INT32_MAX && scaled <= UINT32_MAX) {
-        return (int64_t)(scaled + 0.5); /* for 32 unsigned bits */
+        return (int64_t)(scaled + 0.5); /* unsigned fields of 32 bits */
     }
     if (isinf(scaled)) {
         return scaled > 0.0 ? field->high : field->low;
@@ -219,7 +219,7 @@ bool described_has_constants(const struct described_frame *frame, const struct b
 enum described_match described_match_frame(const struct described_frame *frame,
                                            const struct bus_frame *sent)
 {
-    /* A remote frame has a length without data */
+    /* A remote frame has no data to check */
     if (frame->remote) {
         return DESCRIBED_IS;
     }
@@ -237,7 +237,7 @@ enum described_match described_match_frame(const struct described_frame *frame,
     return DESCRIBED_IS;
 }
 
-/* Finds the bits of a frame's data that are constant, and their values. */
+/* Computes a mask of the constant bits in a frame's data, and their values. */
 static void described_find_constants(const struct described_frame *frame, struct bus_frame *mask,
                                      struct bus_frame *value)
 {
@@ -256,7 +256,7 @@ static void described_find_constants(const struct described_frame *frame, struct
     described_encode(&constants, 0, 0, counts, value);
 }
 
-/* Returns whether a frame without data could be both a request and another frame from the host. */
+/* Returns whether a frame without data could match both rows, one remote and one with data. */
 static bool described_may_be_empty(const struct described_frame *a, const struct described_frame *b)
 {
     const struct described_frame *request = a->remote ? a : b, *other = a->remote ? b : a;
@@ -276,7 +276,7 @@ bool described_told_apart(const struct described_frame *a, const struct describe
         return false; /* lengths do not distinguish them */
     }
     if (described_find_field(a, DESCRIBED_PARAMETER) >= 0) {
-        return true; /* unlisted parameters are left to b */
+        return true; /* b receives the parameters that the protocol does not list */
     }
     if ((a->flags ^ b->flags) & FRAME_FD ||
         (a->repeats == 1 && b->repeats == 1 &&

@@ -33,7 +33,8 @@ enum error_code described_check_word(struct described_loader *l, const struct ya
 
 /* ---- states ---- */
 
-/* Finds a state by its name under a key, if the file gives one. */
+/* Finds the index of the state that the file names under `key`. Keeps *index if the key is
+ * absent. */
 static enum error_code described_find_name(struct described_loader *l, const struct yaml_mark *mark,
                                            const char *key, const char *name, int *index)
 {
@@ -101,7 +102,7 @@ static enum error_code described_build_states(struct described_loader *l)
     code = described_check_states(l, made->state, made->nstate, false);
     code = code ? code : described_check_states(l, made->law, made->nlaw, true);
 
-    /* The first off state, where an axis starts, and the first fault state */
+    /* Axes start in the first state with law off. Faults enter the first state with law fault */
     made->off_state = made->fault_state = made->timeout_state = made->unknown_state = -1;
     for (int i = (int)made->nstate - 1; i >= 0; i--) {
         made->off_state = made->state[i].law == DESCRIBED_OFF ? i : made->off_state;
@@ -122,7 +123,7 @@ static enum error_code described_build_states(struct described_loader *l)
                                       &made->unknown_state);
 }
 
-/* Refuses two names for one value, because a reader of the field would find only the first. */
+/* Refuses two states with the same value. A reader of the field would find only the first state. */
 static enum error_code described_check_values(struct described_loader *l,
                                               enum described_meaning meaning,
                                               const struct described_state *raw, size_t count)
@@ -147,7 +148,7 @@ static enum error_code described_check_values(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Returns the bits of a field that carries faults; 0 = it carries others. */
+/* Returns the mask of a field that carries faults; 0 for any other field. */
 static uint64_t described_fault_mask(const struct described_field *field)
 {
     return field->meaning == DESCRIBED_FAULTS || field->meaning == DESCRIBED_LATCHED_FAULTS
@@ -155,8 +156,7 @@ static uint64_t described_fault_mask(const struct described_field *field)
                : 0;
 }
 
-/* Refuses a law of position whose gain is 0 and that no host can set: targets would have no
- * effect. */
+/* Refuses a position law with gain 0 if no host can set the gain. Targets would have no effect. */
 static enum error_code described_check_gains(const struct described_loader *l,
                                              const struct described_state *list, size_t count)
 {
@@ -179,7 +179,8 @@ static enum error_code described_check_gains(const struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Refuses a fault bit beyond every field of faults, if there are such fields. */
+/* Refuses a fault whose bit lies outside all fault fields. Without fault fields, accepts any
+ * bit. */
 static enum error_code described_check_faults(const struct described_loader *l)
 {
     uint64_t bits = 0;
@@ -266,7 +267,7 @@ static enum error_code described_check_frame(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Builds the row of a frame and lays its fields out. */
+/* Builds the row of a frame and lays out its fields. */
 static enum error_code described_build_frame(struct described_loader *l,
                                              const struct raw_described_frame *raw,
                                              struct described_frame *made)
@@ -332,8 +333,8 @@ static int described_frame_index(const struct described_protocol *made, const ch
     return -1;
 }
 
-/* Finds the fields of the answered frame that a reply echoes. An echo with a host_value needs no
- * such field. */
+/* Finds the fields of a request that the echo fields of its reply copy. An echo without such a
+ * field needs a host_value. */
 static enum error_code described_link_echo(struct described_loader *l,
                                            const struct raw_described_frame *raw,
                                            struct described_frame *request,
@@ -367,7 +368,7 @@ static enum error_code described_link_echo(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Finds the answers of a frame, after all frames are built. */
+/* Finds the rows of a frame's answers. All rows must have been built. */
 static enum error_code described_link_reply(struct described_loader *l, size_t index)
 {
     const struct raw_described_frame *raw = &l->raw->frame[index];
@@ -422,8 +423,8 @@ static enum error_code described_build_frames(struct described_loader *l)
 
 /* ---- identifiers ---- */
 
-/* Finds numbers with which two frames have the same identifier on every bus: equal numbers of one
- * kind mean the same board. Addresses begin with 1. */
+/* Finds numbers with which two frames have the same identifier on every bus. Two frames with equal
+ * numbers of one kind (enum described_by) belong to the same board. Addresses begin with 1. */
 static bool described_find_meeting(const struct described_frame *a, const struct described_frame *b,
                                    unsigned *na, unsigned *nb)
 {
@@ -441,9 +442,9 @@ static bool described_find_meeting(const struct described_frame *a, const struct
     return false;
 }
 
-/* Refuses two frames with one identifier that no receiver can distinguish. Frames of boards of
- * different kinds, and collisions that depend on board addresses, are found when the rig is read
- * (rig/described_ids.c). */
+/* Refuses two frames with the same identifier that no receiver can distinguish. rig/described_ids.c
+ * checks two cases later, for each rig: frames from boards of different kinds, and collisions that
+ * depend on board addresses. */
 static enum error_code described_check_pair(struct described_loader *l, size_t first, size_t second)
 {
     const struct described_frame *a = &l->made->frame[first], *b = &l->made->frame[second];
@@ -471,7 +472,8 @@ static enum error_code described_check_pair(struct described_loader *l, size_t f
                            : "");
 }
 
-/* Refuses indistinguishable frames, and frames that always match another row first. */
+/* Refuses frames that a receiver cannot distinguish. This includes a frame that an earlier row
+ * always matches first. */
 static enum error_code described_check_ids(struct described_loader *l)
 {
     enum error_code code = ERROR_NONE;
@@ -513,7 +515,7 @@ static enum error_code described_build_parameters(struct described_loader *l)
 
 /* ---- the host ---- */
 
-/* Returns the law of the host's state, given the law that its switch-on frames select. */
+/* Returns the law of the host's on_state after the host's switch-on frames have selected a law. */
 static enum described_law described_host_law(const struct described_protocol *made)
 {
     enum described_law law = made->state[made->host.on_state].law;
@@ -530,7 +532,7 @@ static enum described_law described_host_law(const struct described_protocol *ma
     return law;
 }
 
-/* Builds the frame lists of the host's steps and finds the states that it commands. */
+/* Builds the list of frames for each step of the host. Finds the states that the host commands. */
 static enum error_code described_build_host(struct described_loader *l)
 {
     const struct raw_described_host *raw = &l->raw->host;
@@ -560,7 +562,7 @@ static enum error_code described_build_host(struct described_loader *l)
             steps[s].list->frame[steps[s].list->count++] = (uint8_t)frame;
         }
     }
-    /* A host that switches axes on without set points would wait forever for motion */
+    /* Without set points, a host that switches axes on would wait forever for motion */
     for (size_t f = 0; f < made->nframe && raw->non > 0 && raw->ncommand == 0; f++) {
         if (made->frame[f].from_host && made->frame[f].commands) {
             return yaml_error(l->error, &raw->mark,
@@ -570,7 +572,7 @@ static enum error_code described_build_host(struct described_loader *l)
         }
     }
 
-    /* States that the host commands: the first that drives and the first that is off */
+    /* By default, the host commands the first state that drives and the first state with law off */
     made->host.off_state = made->host.on_state = made->off_state;
     for (int i = (int)made->nstate - 1; i >= 0; i--) {
         if (made->state[i].law != DESCRIBED_OFF && made->state[i].law != DESCRIBED_FAULT &&
@@ -588,7 +590,8 @@ static enum error_code described_build_host(struct described_loader *l)
 
 /* ---- all ---- */
 
-/* Returns whether a host reads a field. first: torques and rates, from which it computes angles. */
+/* Returns whether a host reads a field with this meaning. first: only torques and rates, which the
+ * host must read before it computes angles. */
 static bool described_is_read(enum described_meaning meaning, bool first)
 {
     bool is_first = meaning == DESCRIBED_AXIS_TORQUE || meaning == DESCRIBED_DRIVE_TORQUE ||
@@ -602,8 +605,8 @@ static bool described_is_read(enum described_meaning meaning, bool first)
     return first ? is_first : others;
 }
 
-/* Builds the lookup lists for the loop: frames by identifier, frames by kind of board, fields that
- * a host reads. */
+/* Builds the lists that the real-time loop uses: frames by identifier, frames by kind of board, and
+ * fields that a host reads. */
 static void described_index(struct described_protocol *made)
 {
     for (size_t i = 0; i < made->nframe; i++) {
@@ -636,7 +639,7 @@ static void described_index(struct described_protocol *made)
     }
 }
 
-/* Builds the whole table; each part uses the parts before it. */
+/* Builds the whole table. Each step uses the results of earlier steps. */
 static enum error_code described_build(struct described_loader *l)
 {
     const struct raw_described *raw = l->raw;
@@ -675,7 +678,7 @@ static enum error_code described_build(struct described_loader *l)
     return code;
 }
 
-/* Compiles a file that was read into a table in the arena. */
+/* Builds a table in the arena from the contents of a file. */
 static enum error_code described_compile(const struct raw_described *raw, struct arena *arena,
                                          const struct described_protocol **protocol,
                                          struct error *error)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The contents of a protocol file, with the keys that schema.c declares, and the functions that the
- * files of the loader share. load.c resolves names and checks frames; load_fields.c lays out their
- * fields. Not RT-safe. */
+/* Contents of a protocol file, and the functions that load.c and load_fields.c share. schema.c
+ * declares the keys. load.c resolves names and checks frames. load_fields.c lays out fields. Not
+ * RT-safe. */
 #ifndef BOARDS_DESCRIBED_LOAD_H
 #define BOARDS_DESCRIBED_LOAD_H
 
@@ -9,11 +9,12 @@
 
 struct raw_described_field {
     struct yaml_mark mark;
-    struct described_field field; /* meaning, constant, scale, offset, host, axis */
+    struct described_field field; /* holds meaning, constant, scale, offset, host and axis */
     const char *name;
     int bits, at_bit;
     bool counter;
-    int type, order, checksum; /* flags of enum field_type; enum described_checksum */
+    /* type and order: flags of enum field_type; checksum: enum described_checksum */
+    int type, order, checksum;
     double range[2];
     struct yaml_real_entry *entry;
     size_t nentry;
@@ -21,7 +22,7 @@ struct raw_described_field {
 
 struct raw_described_frame {
     struct yaml_mark mark;
-    struct described_frame row; /* keys that are stored as they are */
+    struct described_frame row; /* members that the file sets directly */
     const char *payload, *reply, *enter;
     int from_host, length, repeat;
     bool extended, fd, brs;
@@ -72,16 +73,16 @@ struct described_loader {
 
 enum error_code described_no_memory(struct described_loader *l);
 
-/* Checks that other tools accept a name: letters, digits and _, beginning with a letter. */
+/* Checks that a name is valid for other tools: letters, digits and _, beginning with a letter. */
 enum error_code described_check_word(struct described_loader *l, const struct yaml_mark *mark,
                                      const char *word);
 
-/* Lays out the fields of a frame in its data and its identifier: layout, length, repetition,
- * identifier bits. */
+/* Lays out the fields of a frame in its data and its identifier. Sets the layouts, the lengths, the
+ * repetitions and the identifier bits. */
 enum error_code described_lay_out(struct described_loader *l, const struct raw_described_frame *raw,
                                   struct described_frame *made);
 
-/* Lays out the field of a parameter, which a board reports, or which a host sets if it is a
+/* Lays out the field of a parameter. A board reports the parameter. A host can write it if it is a
  * setting. */
 enum error_code described_lay_out_parameter(struct described_loader *l,
                                             const struct raw_described_field *raw,

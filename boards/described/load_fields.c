@@ -7,7 +7,8 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { GAP_BITS = 32, GAPS_MAX = 8 * DESCRIBED_LENGTH_MAX / GAP_BITS }; /* pieces of padding */
+/* GAP_BITS: most bits in one piece of padding; GAPS_MAX: most pieces in a frame */
+enum { GAP_BITS = 32, GAPS_MAX = 8 * DESCRIBED_LENGTH_MAX / GAP_BITS };
 
 /* Sets the place of a field and the range of its count. type: as in struct field. */
 static void described_place(struct described_field *made, unsigned type, unsigned bit, bool in_id)
@@ -31,8 +32,8 @@ static void described_place(struct described_field *made, unsigned type, unsigne
     made->high = field_highest(&layout);
 }
 
-/* Checks a deflection: a host computes the link's count as the difference of two counts in one
- * frame. */
+/* Checks a deflection field. A host computes the link position as the difference of two counts,
+ * motor position minus deflection. Both fields must be in one frame and have the same scale. */
 static enum error_code described_check_deflection(struct described_loader *l,
                                                   const struct raw_described_frame *raw,
                                                   const struct described_frame *made)
@@ -50,9 +51,9 @@ static enum error_code described_check_deflection(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Finds the meaning and the scale of a field. Its source (boards) or target (host) is its meaning,
- * unless it is a constant, a counter or a checksum. A range maps its ends to the smallest and the
- * largest count. */
+/* Finds the meaning and the scale of a field. The meaning is a source (board), a target (host), a
+ * constant, a counter or a checksum. A range maps its ends to the smallest and the largest
+ * count. */
 static enum error_code described_mean_field(struct described_loader *l, bool from_host,
                                             const struct raw_described_field *raw,
                                             struct described_field *made)
@@ -103,7 +104,7 @@ static enum error_code described_mean_field(struct described_loader *l, bool fro
     return ERROR_NONE;
 }
 
-/* Returns whether a DBC file can hold a text in quotes. */
+/* Returns whether a DBC file can contain a text as a quoted string. */
 static bool described_can_be_quoted(const char *text)
 {
     for (; *text; text++) {
@@ -114,8 +115,8 @@ static bool described_can_be_quoted(const char *text)
     return true;
 }
 
-/* Names the values of a field for states or laws as in the protocol. If two share a value, the
- * first name counts. */
+/* Gives the values of a field the names of the protocol's states or laws. If two states share a
+ * value, uses the first name. */
 static enum error_code described_name_states(struct described_loader *l,
                                              enum described_meaning meaning, bool from_host,
                                              struct field *layout)
@@ -142,7 +143,7 @@ static enum error_code described_name_states(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Names the values of a field: the listed ones, or the constant. */
+/* Names the values of a field: the values that the file lists, or the constant. */
 static enum error_code described_name_values(struct described_loader *l,
                                              const struct raw_described_field *raw,
                                              struct field *layout)
@@ -187,15 +188,15 @@ static enum error_code described_name_values(struct described_loader *l,
 /* The layout of a frame's data or identifier, under construction. */
 struct described_plan {
     struct field *layout;
-    /* while the identifier is laid out: the layout of the data, else NULL */
+    /* layout of the frame's data while the identifier is laid out, else NULL */
     const struct field *other;
     struct described_field *field;
     size_t nlayout, nfield;
-    unsigned bit, bits; /* bit of the next field, number of bits in all */
+    unsigned bit, bits; /* bit of the next field; total number of bits */
     bool big;           /* byte order of the last field */
 };
 
-/* Adds padding, in pieces that the codec accepts. */
+/* Adds padding, in pieces of at most GAP_BITS, which the codec accepts. */
 static void described_add_gap(struct described_plan *plan, unsigned bits)
 {
     while (bits > 0) {
@@ -208,7 +209,7 @@ static void described_add_gap(struct described_plan *plan, unsigned bits)
     }
 }
 
-/* Sets the unit of a set point to that of the first state that drives. */
+/* Sets the unit and the scale of a set point from the first state that drives. */
 static void described_measure_set_point(const struct described_protocol *made, struct field *layout)
 {
     for (size_t i = 0; i < made->nstate; i++) {
@@ -222,7 +223,7 @@ static void described_measure_set_point(const struct described_protocol *made, s
     }
 }
 
-/* Returns whether a layout has a field of that name. */
+/* Returns whether a layout has a field named `name`. */
 static bool described_has_name(const struct field *layout, const char *name)
 {
     for (; layout && layout->type != FIELD_END; layout++) {
@@ -269,7 +270,7 @@ static enum error_code described_add_field(struct described_loader *l,
                           "found a float of %d bits, expected 32", raw->bits);
     }
 
-    /* A gap has the byte order of the field before it; two orders cannot meet within a byte */
+    /* Padding has the byte order of the field before it. One byte cannot hold both byte orders */
     if (plan->nfield > 0 && plan->big != big && plan->bit % 8 != 0) {
         described_add_gap(plan, 8 - plan->bit % 8);
         if (at < plan->bit) {
@@ -342,8 +343,8 @@ static enum error_code described_add_payload(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Sets the length of a frame: that of its fields or longer, for CAN FD a valid one; and the lengths
- * that a board accepts: this length, or a range around it. */
+/* Sets the length of a frame: the length of its fields, or a longer one that the file gives. CAN FD
+ * permits only certain lengths. Also sets the range of lengths that a board accepts. */
 static enum error_code described_measure_length(struct described_loader *l,
                                                 const struct raw_described_frame *raw,
                                                 struct described_frame *made, unsigned bits)
@@ -368,7 +369,7 @@ static enum error_code described_measure_length(struct described_loader *l,
                           raw->fd ? "one of CAN FD: 0 to 8, 12, 16, 20, 24, 32, 48 or 64"
                                   : "at most 8, or fd: true for up to 64");
     }
-    /* A frame repeats its fields for the slots of a group, or for the axes of a board */
+    /* A host's frame repeats its fields for the slots of a group, a board's frame for its axes */
     if (repeat * length > most || (repeats && length == 0) ||
         (made->from_host
              ? (repeat > 1) != group
@@ -441,8 +442,8 @@ static enum error_code described_find_checks(struct described_loader *l,
 
 /* ---- fields in the identifier ---- */
 
-/* Lays out the fields of the identifier; in the list they follow the fields of the data. Constant
- * fields go into the base, others into the mask. */
+/* Lays out the fields of the identifier and appends them to the frame's fields. Constants set bits
+ * of the base. Other fields set bits of the mask. */
 static enum error_code described_lay_out_id(struct described_loader *l,
                                             const struct raw_described_frame *raw,
                                             struct described_frame *made)
@@ -522,7 +523,7 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
         return yaml_error(l->error, yaml_place(&raw->mark, "payload"),
                           "found payload beside fields, expected one of them");
     }
-    /* The payload, or the fields in order */
+    /* Add the constant payload, or the fields in order */
     code = yaml_has(&raw->mark, "payload") ? described_add_payload(l, raw, &plan) : ERROR_NONE;
     for (size_t i = 0; i < raw->nfield && !code; i++) {
         code = described_add_field(l, raw, &raw->field[i], &plan);
@@ -531,7 +532,7 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
     if (code) {
         return code;
     }
-    /* The rest of the data is padding */
+    /* Fill the rest of the data with padding */
     described_add_gap(&plan, 8u * made->length - plan.bit);
     made->nfield = made->ndata = plan.nfield;
     made->layout = plan.layout;
@@ -551,7 +552,7 @@ enum error_code described_lay_out_parameter(struct described_loader *l,
     enum error_code code = described_check_word(l, &raw->mark, raw->name);
 
     *made = raw->field;
-    /* A parameter is not in a frame */
+    /* A parameter has no place in a frame, so it accepts no keys about the place */
     if (!code && (yaml_has(&raw->mark, "target") || raw->counter || raw->checksum ||
                   yaml_has(&raw->mark, "at_bit") || raw->order ||
                   (raw->type == FIELD_FLOAT && raw->bits != 32))) {

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A motor board of a described protocol: up to four axes with the file's states, faults that open
- * the bridge, and a command time-out. A fatal fault enters the state with law fault, until a state
- * with law off is commanded. Beyond a position limit, open laws (voltage, current, torque) obey
- * only set points that lead back; other laws clamp their target.
+ * A motor board of a described protocol. It has up to four axes with the file's states, faults that
+ * open the bridge, and a command time-out. A fatal fault enters the state with law fault. The axis
+ * stays there until the host clears the fault: with a frame that clears faults, or, if the protocol
+ * has no such frame, by commanding a state with law off. Beyond a position limit, open laws
+ * (voltage, current, torque) obey only set points that lead back. Other laws clamp their target.
  *
  * Each law runs once a millisecond and uses the law below it:
  *
@@ -13,7 +14,8 @@
  *   torque     current* = torque* / torque constant
  *   current    PI loop with the back-EMF (boards/axis.h), within the current limit
  *
- * A servo valve is a source of speed: its voltage is velocity* times its constant.
+ * A servo valve drives its axis at a speed proportional to its voltage. Therefore the velocity law
+ * sets the voltage to v* times the back-EMF constant.
  */
 #include "boards/described/private.h"
 
@@ -57,12 +59,12 @@ static void axis_forget(const struct described_node *node, struct described_axis
     axis->integral_v = axis->integral_nm = axis->base.voltage_v = 0.0;
     axis->base.overload_ms = 0.0;
 
-    /* The target of position is the present position, not 0 */
+    /* The position target becomes the present position, not 0 */
     axis->target[DESCRIBED_TO_POSITION - DESCRIBED_SET_POINT] =
         axis->base.motor_rad - axis->zero_rad;
 }
 
-/* Publishes bridge, law and faults of an axis. */
+/* Copies bridge state, law and faults of an axis to its base. */
 static void axis_show(struct described_axis *axis)
 {
     axis->base.on = described_axis_runs(axis);
@@ -70,7 +72,8 @@ static void axis_show(struct described_axis *axis)
     axis->base.mode = (uint8_t)(axis->latched ? DESCRIBED_FAULT : axis->active);
 }
 
-/* Returns state and law of an axis for an event: described_describe_event reads them. */
+/* Packs the state and the law of an axis into one number for events. described_describe_event
+ * unpacks it. */
 static uint32_t axis_mode(const struct described_axis *axis)
 {
     return (uint32_t)axis->state | (uint32_t)axis->law << 8;
@@ -96,8 +99,8 @@ static void axis_enter(struct described_node *node, struct described_axis *axis,
     axis_show(axis);
 }
 
-/* Enters a state that a host commands. Only off leaves a fault, and only if the protocol has no
- * frame for that. */
+/* Enters a state that a host commands. An axis in fault enters only a permanent state with law off.
+ * This state also clears faults, unless the protocol has a frame that clears faults. */
 static void axis_command_state(struct described_node *node, struct described_axis *axis, int state)
 {
     const struct described_state *to = &node->protocol->state[state];
@@ -123,7 +126,7 @@ static void axis_set_target(const struct described_node *node, struct described_
 {
     const struct described_state *state = &node->protocol->state[axis->state];
 
-    /* A set point belongs to the law in force */
+    /* A set_point field is the target of the law in force */
     if (field->meaning == DESCRIBED_SET_POINT) {
         state = state->law == DESCRIBED_SELECTED ? &node->protocol->law[axis->law] : state;
         axis->target[described_law_target(state->law) - DESCRIBED_SET_POINT] =
@@ -133,7 +136,7 @@ static void axis_set_target(const struct described_node *node, struct described_
     }
 }
 
-/* Returns the index of the state or law in a frame's field; `otherwise` without such a field. */
+/* Returns the index of the state or law that a frame commands; `otherwise` if it commands none. */
 static int frame_names(const struct described_frame *frame, enum described_meaning meaning,
                        const struct described_state *list, size_t count, const int64_t *values,
                        int otherwise)
@@ -156,7 +159,7 @@ static void axis_stop(struct described_node *node, struct described_axis *axis)
     axis_enter(node, axis, node->protocol->fault_state, axis->law);
 }
 
-/* Sets a setting, which cannot be negative. A value that is not finite has no effect. */
+/* Writes a setting of an axis; a negative value becomes 0. Ignores a value that is not finite. */
 static void axis_set(struct described_axis *axis, const struct described_field *field,
                      int64_t count)
 {
@@ -168,14 +171,14 @@ static void axis_set(struct described_axis *axis, const struct described_field *
     }
 }
 
-/* Sets settings, parameters and the position reading. The state does not change. */
+/* Writes settings, parameters and the position reading. Does not change the state. */
 static void axis_configure(struct described_node *node, struct described_axis *axis,
                            const struct described_frame *frame, const int64_t *values)
 {
     int parameter = described_find_field(frame, DESCRIBED_PARAMETER);
     int written = described_find_field(frame, DESCRIBED_PARAMETER_VALUE);
 
-    /* Fields with their own meaning */
+    /* Settings and the position have fields of their own */
     for (size_t i = 0; i < frame->nfield; i++) {
         const struct described_field *field = &frame->field[i];
 
@@ -187,15 +190,15 @@ static void axis_configure(struct described_node *node, struct described_axis *a
         }
     }
 
-    /* A parameter selected by its number */
+    /* A parameter is selected by its number */
     if (parameter >= 0 && written >= 0) {
         axis_set(axis, &described_find_parameter(node->protocol, values[parameter])->field,
                  values[written]);
     }
 }
 
-/* Switches an axis as a frame commands. Returns false, without effect, when the axis lacks the
- * requested law. */
+/* Changes state, law and faults of an axis as a frame commands. Changes nothing and returns false
+ * if the axis lacks the requested law. */
 static bool axis_switch(struct described_node *node, struct described_axis *axis,
                         const struct described_frame *frame, const int64_t *values)
 {
@@ -209,7 +212,7 @@ static bool axis_switch(struct described_node *node, struct described_axis *axis
     }
     wanted = state < 0 ? frame->enter : state;
 
-    /* A motor has all laws; a valve has no law that controls a current */
+    /* A motor supports all laws. A servo valve supports no law that controls a current */
     if (axis_config(node, axis)->valve &&
         ((law >= 0 && !described_law_suits_valve(protocol->law[law].law)) ||
          (wanted >= 0 && !described_law_suits_valve(
@@ -217,7 +220,7 @@ static bool axis_switch(struct described_node *node, struct described_axis *axis
         return false;
     }
 
-    /* Faults, law and state first, because they reset earlier targets */
+    /* Change faults, law and state before the targets, because these changes reset the targets */
     if (frame->clear) {
         axis->faults &= ~axis->latched;
         axis->latched = 0;
@@ -280,7 +283,7 @@ static void described_motor_power_up(struct board *board)
     struct described_node *node = described_node_of(board);
     bool first = described_node_power_up(node);
     const struct described_gains *gains = &node->protocol->gains;
-    /* Limits stay those of the rig */
+    /* The host has set no limits yet: only the limits of the rig apply */
     const double setting[] = {
         [DESCRIBED_VELOCITY_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
         [DESCRIBED_CURRENT_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
@@ -315,8 +318,8 @@ static void described_motor_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
-/* Rounds the temperatures of all axes (struct board_ops). Without a reading, the old value
- * stays. */
+/* Rounds the temperatures of all axes (struct board_ops). Keeps the old value if there is no
+ * reading. */
 static void described_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct described_node *node = described_node_of(board);
@@ -330,7 +333,7 @@ static void described_motor_sample(struct board *board, const struct plant_senso
 
 /* ---- faults ---- */
 
-/* Returns the bit of a fault if it is present. */
+/* Returns the bit of a fault if the fault is present, else 0. */
 static uint32_t fault_if(bool present, enum described_fault fault)
 {
     return (uint32_t)present << fault;
@@ -349,7 +352,7 @@ static uint32_t axis_present_faults(const struct described_node *node, struct de
     const bool stale = described_axis_runs(axis) && timeout_ns > 0 &&
                        board->boards->now_ns - axis->command_ns > timeout_ns;
 
-    /* Common faults have the same bits; pressure faults are six bits lower */
+    /* Fault bits below over-temperature are equal; pressure faults move down by six bits */
     return (common & ((1u << DESCRIBED_OVER_TEMPERATURE) - 1)) |
            (common & (AXIS_UNDER_PRESSURE | AXIS_OVER_PRESSURE)) >> 6 |
            fault_if(axis->temperature_c > hottest_c, DESCRIBED_OVER_TEMPERATURE) |
@@ -430,7 +433,7 @@ static double axis_current_law(const struct described_node *node, struct describ
            axis_config(node, axis)->bemf_v_s_rad * axis->base.velocity_rad_s;
 }
 
-/* Returns the voltage of the current loop for a torque. */
+/* Returns the voltage of the current loop for a torque target. */
 static double axis_torque_law(const struct described_node *node, struct described_axis *axis,
                               double torque_nm)
 {
@@ -460,7 +463,8 @@ static double axis_velocity_law(const struct described_node *node, struct descri
                                axis_target(axis, DESCRIBED_TO_TORQUE));
 }
 
-/* Returns the distance from the motor to its target, which is clamped to the joint's limits. */
+/* Returns the position error: the target, clamped to the joint's limits, minus the motor
+ * position. */
 static double axis_position_error(const struct described_node *node,
                                   const struct described_axis *axis)
 {
@@ -502,7 +506,7 @@ static double axis_law_voltage(const struct described_node *node, struct describ
 
 /* ---- control ---- */
 
-/* Zeroes set points of open laws that lead further beyond a limit. */
+/* Zeroes the targets of open laws that would drive the axis further beyond a position limit. */
 static void axis_heed_limits(const struct described_node *node, struct described_axis *axis)
 {
     static const enum described_meaning open[] = {DESCRIBED_TO_VOLTAGE, DESCRIBED_TO_DUTY,

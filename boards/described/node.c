@@ -16,7 +16,6 @@ bool described_node_power_up(struct described_node *node)
     int64_t period_ms = config->period_ns > 0 ? config->period_ns / MS : 1;
     bool first = !node->powered;
 
-    /* If the host sets the period, it is 0 at first, unless the rig gives one */
     node->protocol = node->board.bus->config.described;
     node->kind = described_kind(config->kind);
     node->axes = board_config_axes(config);
@@ -32,12 +31,13 @@ bool described_node_power_up(struct described_node *node)
                                                               .result = node->axis[axis].result};
         }
     }
-    /* A sensor has no slot; its first slot is 0 */
+    /* A sensor board has no slots and reports first slot 0 */
     node->first_slot = 0;
     while (node->axes > 0 && bus->slot[node->first_slot].node != node) {
         node->first_slot++;
     }
     described_bus_forget_counts(bus, node);
+    /* Without transmit_at_start, a period that the host can set starts at 0: no telemetry */
     described_node_set_period(
         node, node->protocol->period_settable && !config->transmit_at_start ? 0 : period_ms);
     return first;
@@ -63,7 +63,7 @@ static const struct described_field *described_node_parameter(const struct descr
     return parameter ? &parameter->field : NULL;
 }
 
-/* Returns the count of a field for an axis; request: the frame that it answers, or NULL. */
+/* Returns the count of a field for an axis. request: the frame to be answered; NULL = no answer. */
 static int64_t described_node_count(const struct described_node *node, unsigned index,
                                     const struct described_field *field,
                                     const struct described_frame *request, const int64_t *values)
@@ -133,7 +133,7 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
         value = axis->base.link_rad - axis->zero_rad;
         break;
     case DESCRIBED_DEFLECTION:
-        /* difference of counts, so that a host gets the link's exact count */
+        /* subtract counts, so that a host can compute the link's exact count */
         control_quantize(axis->base.motor_rad / field->scale, &motor);
         control_quantize(axis->base.link_rad / field->scale, &link);
         return (int64_t)motor - link;
@@ -181,7 +181,8 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
                     : 0.0;
         break;
     /* Settings of an axis */
-    case DESCRIBED_CURRENT_LIMIT: /* as written, even above the limit of the drive */
+    /* the value that the host wrote, even above the limit of the drive */
+    case DESCRIBED_CURRENT_LIMIT:
         value = axis->setting[DESCRIBED_CURRENT_LIMIT - DESCRIBED_SETTING];
         value = isfinite(value) ? value : described_axis_current_limit(node, index);
         break;
@@ -207,8 +208,8 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
     return node->kind == DESCRIBED_MOTOR ? described_count(field, value) : 0;
 }
 
-/* Fills a zeroed frame for an axis, or for all axes if the frame repeats its fields; as an answer
- * if there is a request. */
+/* Fills a zeroed frame for one axis, or for all axes if the frame repeats its fields. request: the
+ * frame to be answered; NULL = no answer. */
 static void described_node_fill(struct described_node *node, unsigned axis, size_t index,
                                 const struct described_frame *request, const int64_t *values,
                                 struct bus_frame *out)
@@ -225,10 +226,11 @@ static void described_node_fill(struct described_node *node, unsigned axis, size
     for (unsigned part = 0; part < parts; part++) {
         for (size_t i = 0; i < frame->nfield; i++) {
             const struct described_field *field = &frame->field[i], *source = field;
-            unsigned of = axis + part + field->axis; /* a field may belong to another axis */
+            /* field->axis selects another axis of the board */
+            unsigned of = axis + part + field->axis;
             int64_t count = 0;
 
-            /* A parameter has its own type in the bits of the value */
+            /* Encode a parameter in the type of its own field */
             if (field->meaning == DESCRIBED_PARAMETER_VALUE) {
                 source = described_node_parameter(node, request, values);
             }
@@ -257,7 +259,7 @@ void described_node_answer(struct described_node *node, unsigned axis, size_t in
     board_queue_as(&node->board, out.id, out.flags, out.len, out.data);
 }
 
-/* Returns how often a node sends a frame: for each axis, or once. */
+/* Returns how many frames of a row a node sends: one per axis, or one per board. */
 static unsigned described_frame_copies(const struct described_node *node,
                                        const struct described_frame *frame)
 {
@@ -292,8 +294,9 @@ static void described_node_send(struct described_node *node, unsigned axis, size
     described_node_fill(node, axis, index, NULL, NULL, frame ? frame : &lost);
 }
 
-/* Returns whether a frame other than telemetry is due: a time of its period's grid, delayed by its
- * spread, is in the span; or state or faults have changed since its last report. */
+/* Returns whether a frame outside the telemetry is due. It is due when state or faults have changed
+ * since its last report. It is also due when the span contains a multiple of its period, delayed by
+ * its spread. */
 static bool described_frame_due(const struct described_node *node, unsigned axis,
                                 const struct described_frame *frame,
                                 const struct described_report *report, struct ms_span span)
@@ -322,7 +325,7 @@ void described_node_transmit(struct board *board, struct ms_span span, struct fr
     const struct described_schedule *other = &protocol->other[described_kind_index(node->kind)];
     bool lost = board->lost_in_status, told = false;
 
-    /* Frames by slot are sent once per axis, each at its own time */
+    /* Send a frame by slot once per axis, any other frame once per board */
     if (node->telemetry_ms > 0 && board_is_due(board, &node->next_ns, node->telemetry_ms * MS)) {
         for (size_t i = 0; i < telemetry->count; i++) {
             size_t index = telemetry->frame[i];
@@ -351,7 +354,7 @@ void described_node_transmit(struct board *board, struct ms_span span, struct fr
             }
         }
     }
-    /* Clear the lost-frames fault after every frame on changes has reported it */
+    /* Clear the lost-frames fault when every frame with on_change has reported it */
     if (lost && told) {
         board->lost_in_status = board->lost_in_overflow = false;
     }

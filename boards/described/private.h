@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * The boards of a described protocol. bus.c finds the receivers of a frame; node.c sends frames;
- * motor_board.c and sensor_board.c have the behavior of the boards. RT-safe except functions that
- * create.
- */
+/* The boards of a described protocol. bus.c finds the receivers of a frame. node.c sends frames.
+ * motor_board.c and sensor_board.c implement the boards. RT-safe, except functions that create an
+ * object. */
 #ifndef BOARDS_DESCRIBED_PRIVATE_H
 #define BOARDS_DESCRIBED_PRIVATE_H
 
@@ -23,7 +21,7 @@ struct described_bus {
     struct board_bus bus;
     struct described_slot slot[DESCRIBED_SLOTS];
     unsigned slots;
-    /* Last count + 1 of each frame from the host with a counter, by number; 0 = none yet */
+    /* Last counter value + 1 of each frame from the host, by frame and number; 0 = none yet */
     uint32_t heard[DESCRIBED_FRAMES_MAX][DESCRIBED_SLOTS];
 };
 
@@ -32,16 +30,16 @@ enum {
     DESCRIBED_CHANNELS = DESCRIBED_MEANINGS - DESCRIBED_CHANNEL,
 };
 
-/* An axis. A sensor board has one and uses only its state and faults. */
+/* An axis. A sensor board has one axis and uses only its state and its faults. */
 struct described_axis {
     struct axis base;                 /* base.mode: the law in force, or the fault law */
     int state, law;                   /* law: selected by the host */
-    int64_t result;                   /* of the last state that was requested */
+    int64_t result;                   /* result of the last requested state */
     int64_t entered_ns;               /* time of the last change of state */
     enum described_law active;        /* the law in force */
     uint32_t latched;                 /* faults that opened the bridge */
     uint32_t faults;                  /* latched and present faults */
-    double target[DESCRIBED_TARGETS]; /* indexed by meaning from DESCRIBED_SET_POINT; SI */
+    double target[DESCRIBED_TARGETS]; /* SI; index: meaning - DESCRIBED_SET_POINT */
     int64_t command_ns;
     uint32_t commands; /* number of commands received */
     double setting[DESCRIBED_SETTINGS_END - DESCRIBED_SETTING];
@@ -63,12 +61,12 @@ struct described_node {
     struct board board;
     const struct described_protocol *protocol;
     unsigned kind;             /* enum described_kind */
-    unsigned axes, first_slot; /* axes: 0 for sensors */
+    unsigned axes, first_slot; /* axes: number of axes, 0 for sensors */
     bool powered;
     int64_t telemetry_ms, started_ns, next_ns;
     uint32_t sequence; /* number of telemetry periods */
     struct described_axis axis[DESCRIBED_AXES];
-    /* channels of a sensor, by meaning from DESCRIBED_CHANNEL */
+    /* channels of a sensor; index: meaning - DESCRIBED_CHANNEL */
     double channel[DESCRIBED_CHANNELS];
     uint32_t saturated; /* one bit per channel of a sensor */
     struct described_report report[DESCRIBED_AXES][DESCRIBED_FRAMES_MAX];
@@ -105,8 +103,8 @@ static inline unsigned described_kind_index(unsigned kind)
 /* Powers up a node. Returns true the first time. */
 bool described_node_power_up(struct described_node *node);
 
-/* Resets the counters of the host's frames to a board. After the board's restart, any count is
- * valid (bus.c). */
+/* Resets the counters of the host's frames to a board, so that any count is valid. Called when
+ * the board restarts (bus.c). */
 void described_bus_forget_counts(struct described_bus *bus, const struct described_node *node);
 
 /* Sends the frames that report a restart. */
@@ -115,8 +113,8 @@ void described_node_announce(struct described_node *node);
 /* Sends the periodic frames. */
 void described_node_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
 
-/* Queues frame `index` for an axis, as an answer to request, whose counts are `values`; NULL = it
- * is no answer. */
+/* Queues frame `index` for an axis. request: the frame to be answered, with its counts `values`;
+ * NULL = no answer. */
 void described_node_answer(struct described_node *node, unsigned axis, size_t index,
                            const struct described_frame *request, const int64_t *values);
 
@@ -132,8 +130,8 @@ extern const struct board_ops described_motor_ops, described_ft_ops, described_i
 
 /* ---- axes (motor_board.c) ---- */
 
-/* Obeys a host's frame for an axis; its counts, values, have been checked. Returns false, without
- * effect, when it requests a law that the axis lacks. */
+/* Obeys a host's frame for an axis. values: the checked counts of the frame. Changes nothing and
+ * returns false if the axis lacks the requested law. */
 bool described_axis_obey(struct described_node *node, unsigned axis,
                          const struct described_frame *frame, const int64_t *values);
 

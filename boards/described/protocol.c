@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Described protocols as a module, and their messages: the row of a message is its struct
- * described_frame. */
+/* Described protocols as a module (struct protocol), and their messages. The row of a message is
+ * its struct described_frame. */
 #include "boards/described/private.h"
 
 #include "boards/protocol_list.h"
@@ -13,8 +13,8 @@
 
 /* ---- messages ---- */
 
-/* Returns the period of a frame: its own, the telemetry's, or once a tick for the host's set points
- * and their answers. */
+/* Returns the period of a frame: its own period or the telemetry period. Set points of the host,
+ * and their answers, are sent once per tick. */
 static uint32_t frame_cycle_ns(const struct message_walk *walk, size_t index,
                                const struct board_config *board)
 {
@@ -55,7 +55,8 @@ static const char *frame_answer(const struct described_protocol *protocol,
     return NULL;
 }
 
-/* Visits a frame with its number; for a group, with the existing slots. */
+/* Visits a frame with an identifier number. repeats: number of repetitions, for a group its slots
+ * in use. */
 static void visit_frame(struct message_walk *walk, size_t index, int board, unsigned number,
                         unsigned repeats, int slot)
 {
@@ -66,7 +67,7 @@ static void visit_frame(struct message_walk *walk, size_t index, int board, unsi
     const struct described_protocol *protocol = walk->bus->described;
     const struct described_frame *frame = &protocol->frame[index];
     const struct board_config *config = board < 0 ? NULL : &walk->config->board[board];
-    /* Number and repetitions for this bus */
+    /* Number and repetitions depend on the bus */
     const struct message message = {
         .name = frame->name,
         .id = described_id(frame, number),
@@ -82,7 +83,7 @@ static void visit_frame(struct message_walk *walk, size_t index, int board, unsi
         .sender = frame->from_host ? MESSAGE_NO_BOARD : board,
         .receiver = frame->from_host ? board : MESSAGE_NO_BOARD,
         .from_host = frame->from_host,
-        /* the longest that a board accepts; 0 without fields */
+        /* longest length that a board accepts; 0 without fields */
         .length = frame->flags & FRAME_FD || repeats > 1 ? described_length(frame, repeats)
                   : frame->length > 0                    ? frame->longest
                                                          : 0,
@@ -113,7 +114,7 @@ static void described_visit_board(struct message_walk *walk, int index, unsigned
 
     for (size_t i = 0; i < protocol->nframe; i++) {
         const struct described_frame *frame = &protocol->frame[i];
-        /* Frames from the host to all boards are not visited here */
+        /* described_visit_broadcasts visits the frames from the host to all boards */
         bool by_address = frame->by == DESCRIBED_BY_ADDRESS;
         bool of_one_axis = kind == DESCRIBED_MOTOR && protocol->axes == 1 && by_address;
 
@@ -121,7 +122,7 @@ static void described_visit_board(struct message_walk *walk, int index, unsigned
             (frame->from_host && !by_address && frame->by != DESCRIBED_BY_SLOT)) {
             continue;
         }
-        /* By slot, there is one frame per axis */
+        /* A frame by slot exists once per axis */
         for (unsigned k = 0; frame->by == DESCRIBED_BY_SLOT && k < axes; k++) {
             visit_frame(walk, i, index, first_slot + k, 1, (int)(first_slot + k));
         }
@@ -171,7 +172,7 @@ static void add_text(char *text, size_t size, const char *format, ...)
     va_end(arguments);
 }
 
-/* Writes facts that signals cannot express: identifier fields, counter, checksum (struct
+/* Writes the facts that DBC signals cannot express: identifier fields, counter and checksum (struct
  * protocol). */
 static void described_comment_message(const struct message *message, char *text, size_t size)
 {
@@ -246,7 +247,7 @@ static bool described_claims_id(const struct boards_bus_config *bus, uint32_t id
     return false;
 }
 
-/* Writes the name of a state, with the selected law if the state has one. */
+/* Writes the name of a state. Adds the name of the selected law if the state uses it. */
 static void write_state(const struct described_protocol *protocol, uint32_t mode, char *text,
                         size_t size)
 {
@@ -257,7 +258,8 @@ static void write_state(const struct described_protocol *protocol, uint32_t mode
              selected ? protocol->law[mode >> 8].name : "", selected ? ")" : "");
 }
 
-/* Writes a change of state and a malformed frame in the file's names (struct protocol). */
+/* Describes an event in the names of the protocol file: a change of state or a malformed frame
+ * (struct protocol). */
 static bool described_describe_event(const struct boards_bus_config *bus,
                                      const struct board_event *event, char *text, size_t size)
 {
@@ -306,7 +308,7 @@ static bool described_describe_event(const struct boards_bus_config *bus,
     return true;
 }
 
-/* Returns the name of the law in force; the file names only states. */
+/* Returns the name of the law in force. The protocol file has no names for laws in force. */
 static const char *described_law_name(uint32_t law)
 {
     const char *name = described_law_word(law);

@@ -6,8 +6,8 @@
  * identifiers of 11 and 29 bits, fields in data and identifier.
  *
  * Units: SI, angles on the link side of the gear. A field carries value = count * scale + offset in
- * the unit of its meaning. Memory is the arena's of described_load. RT-safe except described_load
- * and described_read_text.
+ * the unit of its meaning. The arena of described_load owns all memory. RT-safe, except
+ * described_load and described_read_text.
  */
 #ifndef BOARDS_DESCRIBED_PROTOCOL_H
 #define BOARDS_DESCRIBED_PROTOCOL_H
@@ -30,13 +30,13 @@ enum {
     DESCRIBED_STATES_MAX = 16,
     DESCRIBED_LAWS_MAX = 8,
     DESCRIBED_LIST_MAX = 8, /* frames in one step of the host */
-    DESCRIBED_ECHOES = 4,   /* echoing fields of a frame */
+    DESCRIBED_ECHOES = 4,   /* most echo fields in a frame */
     DESCRIBED_ADDRESS_MAX = 31,
     DESCRIBED_SLOTS = 32,      /* axes of a bus */
     DESCRIBED_AXES = 4,        /* most axes of a motor board */
-    DESCRIBED_FIELDS_MAX = 64, /* per frame, in data and identifier */
+    DESCRIBED_FIELDS_MAX = 64, /* most fields of a frame, in data and identifier */
     DESCRIBED_CLASSIC_MAX = 8, /* bytes of a classic frame */
-    DESCRIBED_LENGTH_MAX = 64, /* of a CAN FD frame */
+    DESCRIBED_LENGTH_MAX = 64, /* bytes of a CAN FD frame */
     DESCRIBED_STANDARD_ID_MAX = 0x7ff,
     DESCRIBED_EXTENDED_ID_MAX = 0x1fffffff,
     DESCRIBED_PERIOD_MAX_MS = 255, /* longest telemetry period that a host may set */
@@ -46,8 +46,8 @@ enum {
 enum described_by {
     DESCRIBED_BY_NONE,
     DESCRIBED_BY_ADDRESS,
-    DESCRIBED_BY_SLOT,  /* axes of a bus, numbered consecutively in the rig's order */
-    DESCRIBED_BY_GROUP, /* groups of as many slots as the frame has repetitions */
+    DESCRIBED_BY_SLOT,  /* slots: axes of a bus, numbered consecutively in the rig's order */
+    DESCRIBED_BY_GROUP, /* groups of slots; one frame holds one repetition per slot of its group */
 };
 
 /* The boards that send or receive a frame; bits. */
@@ -60,7 +60,7 @@ enum described_kind {
 
 /* Control law of an axis in a state. */
 enum described_law {
-    DESCRIBED_OFF, /* bridge open; leaves a fault */
+    DESCRIBED_OFF, /* bridge open; a commanded state with this law ends a fault */
     DESCRIBED_VOLTAGE,
     DESCRIBED_CURRENT,
     DESCRIBED_TORQUE,
@@ -68,11 +68,13 @@ enum described_law {
     DESCRIBED_POSITION,
     DESCRIBED_IMPEDANCE, /* torque = kp (p* - p) + kd (v* - v) + torque* */
     DESCRIBED_FAULT,     /* bridge open until OFF is commanded */
-    DESCRIBED_SELECTED,  /* in a state: the law that the host has selected */
-    DESCRIBED_REFUSED,   /* the axis stays in its state and reports the result of this one */
+    /* only in a state: stands for the law that the host has selected */
+    DESCRIBED_SELECTED,
+    /* the axis keeps its state and reports the result of the refused state */
+    DESCRIBED_REFUSED,
 };
 
-/* Returns whether an axis with a servo valve has a law: any law that does not control a current. */
+/* Returns whether a servo valve supports a law. It supports no law that controls a current. */
 static inline bool described_law_suits_valve(enum described_law law)
 {
     return law != DESCRIBED_CURRENT && law != DESCRIBED_TORQUE && law != DESCRIBED_IMPEDANCE;
@@ -82,11 +84,11 @@ static inline bool described_law_suits_valve(enum described_law law)
 enum described_meaning {
     DESCRIBED_NOTHING,
     DESCRIBED_CONSTANT, /* constant that identifies the frame */
-    /* selects axes */
+    /* These select axes */
     DESCRIBED_SLOTS_MASK,
     DESCRIBED_ADDRESS,
     DESCRIBED_AXIS,
-    /* in both directions */
+    /* In frames of both directions */
     DESCRIBED_STATE,
     DESCRIBED_LAW,
     DESCRIBED_TELEMETRY_PERIOD, /* in s */
@@ -95,7 +97,7 @@ enum described_meaning {
     DESCRIBED_CHECKSUM,        /* checksum of the other bytes: struct described_frame */
     DESCRIBED_PARAMETER,       /* number of a parameter */
     DESCRIBED_PARAMETER_VALUE, /* bits of a parameter: struct described_parameter */
-    /* in both directions: settings of an axis, kept until its board restarts */
+    /* Settings of an axis, in frames of both directions. A restart of the board resets them */
     DESCRIBED_SETTING,
     DESCRIBED_VELOCITY_LIMIT = DESCRIBED_SETTING,
     DESCRIBED_CURRENT_LIMIT,
@@ -103,9 +105,9 @@ enum described_meaning {
     DESCRIBED_VELOCITY_GAIN,
     DESCRIBED_INTEGRAL_GAIN,
     DESCRIBED_SETTINGS_END,
-    /* a command: the value that the present position must read */
+    /* Command: redefines the zero so that the present position gets this value */
     DESCRIBED_PRESENT_POSITION = DESCRIBED_SETTINGS_END,
-    /* targets */
+    /* Targets */
     DESCRIBED_SET_POINT, /* in the unit of the state's law, scaled by its set_point_scale */
     DESCRIBED_TO_VOLTAGE,
     DESCRIBED_TO_DUTY,
@@ -115,7 +117,7 @@ enum described_meaning {
     DESCRIBED_TO_POSITION,
     DESCRIBED_TO_KP,
     DESCRIBED_TO_KD,
-    /* sources of an axis */
+    /* Sources of an axis */
     DESCRIBED_MOTOR_POSITION,
     DESCRIBED_LINK_POSITION,
     DESCRIBED_DEFLECTION, /* counts of motor position minus counts of link position */
@@ -124,32 +126,32 @@ enum described_meaning {
     DESCRIBED_AXIS_TORQUE,    /* measured torque of the spring */
     DESCRIBED_DRIVE_TORQUE,   /* torque of the motor: current times torque constant */
     DESCRIBED_CURRENT_TARGET, /* target of the current loop */
-    DESCRIBED_TORQUE_TARGET,  /* that target times the torque constant */
+    DESCRIBED_TORQUE_TARGET,  /* target of the current loop times the torque constant */
     DESCRIBED_ELECTRICAL_POWER,
     DESCRIBED_MECHANICAL_POWER,
     DESCRIBED_SUPPLY_CURRENT,
     DESCRIBED_AXIS_VOLTAGE,
     DESCRIBED_AXIS_DUTY,
-    DESCRIBED_PISTON_PRESSURE, /* of a hydraulic axis, as the next two */
+    DESCRIBED_PISTON_PRESSURE, /* this and the next two: only of a hydraulic axis */
     DESCRIBED_ROD_PRESSURE,
     DESCRIBED_VALVE_OPENING, /* -1 to 1 */
     DESCRIBED_COMMANDS,      /* number of set points received */
     DESCRIBED_SLOT,
-    DESCRIBED_RESULT,         /* result of the state: struct described_state */
+    DESCRIBED_RESULT,         /* second number of a state (struct described_state) */
     DESCRIBED_LATCHED_FAULTS, /* faults that opened the bridge */
-    /* sources of a board */
+    /* Sources of a board */
     DESCRIBED_FAULTS,
-    DESCRIBED_FAULTY, /* 1 = a fault has opened the bridge, or would */
+    DESCRIBED_FAULTY, /* 1 = a fault that opens the bridge is present or latched */
     DESCRIBED_SUPPLY,
-    DESCRIBED_TEMPERATURE, /* of the winding; of a sensor board that of the air */
+    DESCRIBED_TEMPERATURE, /* winding; on a sensor board: air */
     DESCRIBED_AMBIENT,     /* temperature of the air */
     DESCRIBED_SEQUENCE,    /* number of telemetry periods */
     DESCRIBED_UPTIME,
     DESCRIBED_FIRST_SLOT,
     DESCRIBED_AXES_COUNT,
     DESCRIBED_SERIAL, /* 32 bits, from the board's name */
-    DESCRIBED_ECHO,   /* copies the field of this name from the answered frame */
-    /* sources of a sensor: channels from here on */
+    DESCRIBED_ECHO,   /* copies the field with the same name from the answered frame */
+    /* Sources of a sensor board; its channels begin with DESCRIBED_CHANNEL */
     DESCRIBED_SATURATED,
     DESCRIBED_CHANNEL,
     DESCRIBED_FT_CHANNEL = DESCRIBED_CHANNEL, /* force x y z, moment x y z */
@@ -161,7 +163,7 @@ enum described_meaning {
     DESCRIBED_MEANINGS = DESCRIBED_EULER + 3,
 };
 
-/* Faults that boards detect, in our bit order. A protocol maps each to a bit or to none. */
+/* Faults that boards detect, in internal order. A protocol maps each fault to a bit or to none. */
 enum described_fault {
     DESCRIBED_UNDER_VOLTAGE,
     DESCRIBED_OVER_VOLTAGE,
@@ -170,7 +172,7 @@ enum described_fault {
     DESCRIBED_LINK_ENCODER,
     DESCRIBED_TORQUE_SENSOR,
     DESCRIBED_OVER_TEMPERATURE,
-    DESCRIBED_UNDER_PRESSURE, /* supply pressure of an axis's valve, as the next */
+    DESCRIBED_UNDER_PRESSURE, /* this and the next: supply pressure of a servo valve */
     DESCRIBED_OVER_PRESSURE,
     DESCRIBED_STALE,    /* command time-out */
     DESCRIBED_LIMIT,    /* beyond a position limit */
@@ -179,14 +181,14 @@ enum described_fault {
     DESCRIBED_INERTIAL_SENSOR,
     DESCRIBED_STOPPED, /* emergency stop by the host, until faults are cleared */
     DESCRIBED_FAULT_KINDS,
-    /* These open the bridge */
+    /* Mask of the faults that open the bridge */
     DESCRIBED_FATAL = ((1 << DESCRIBED_STALE) - 1) | 1 << DESCRIBED_STOPPED,
 };
 
-/* "under-voltage", ... by enum described_fault, then NULL */
+/* Names by enum described_fault ("under-voltage", ...); NULL at the end */
 extern const char *const described_fault_names[32];
 
-/* Checksum over the other data bytes, in order. */
+/* Checksum over all data bytes except its own, in order. */
 enum described_checksum {
     DESCRIBED_NO_CHECKSUM,
     DESCRIBED_XOR,            /* exclusive or */
@@ -195,35 +197,37 @@ enum described_checksum {
 
 struct described_field {
     enum described_meaning meaning;
-    /* Place in the data: `byte` is the first of eight bytes that contain the field, `shift` the
-     * number of their bits below it. With in_id, shift is the number of identifier bits below it */
-    uint8_t byte, shift, end;     /* end: number of bytes up to its last one */
+    /* Place in the data: the field lies in the eight bytes from `byte` on. shift: number of bits
+     * below the field, in these bytes or, with in_id, in the identifier */
+    uint8_t byte, shift, end;     /* end: index of the last byte + 1 */
     bool in_id, big_endian, real; /* real: a float */
-    uint64_t mask, sign;          /* mask of the count; sign bit, or 0 */
-    unsigned axis;                /* axis of the board, if a frame reports several */
+    uint64_t mask, sign;          /* mask of the count; sign: its sign bit, 0 = unsigned */
+    unsigned axis;                /* axis of the board, in a frame that reports several axes */
     int64_t low, high;            /* range of the count */
-    int64_t constant; /* DESCRIBED_CONSTANT: count; DESCRIBED_ECHO: index in the request's echo */
+    /* DESCRIBED_CONSTANT: its count; DESCRIBED_ECHO: index in `echo` of the request */
+    int64_t constant;
     double scale, offset;
-    double host; /* default that our host sends; DESCRIBED_ECHO: count without such a field */
+    /* value that our host sends by default; DESCRIBED_ECHO: count if the request lacks the field */
+    double host;
 };
 
 struct described_frame {
     const char *name;
     bool from_host, remote;
-    bool or_empty; /* remote: also a frame without data */
+    bool or_empty; /* remote: accepts also a frame without data */
     uint8_t flags; /* FRAME_EXTENDED, FRAME_FD, FRAME_BRS, FRAME_REMOTE (canbus/frame.h) */
     unsigned of;   /* enum described_kind */
     enum described_by by;
     uint32_t base, step;
-    uint32_t mask;  /* identifier bits that hold fields, without constants */
-    uint8_t most;   /* largest number */
+    uint32_t mask;  /* identifier bits of fields, except constants */
+    uint8_t most;   /* largest number in the identifier */
     uint8_t length; /* length without repetitions */
     /* lengths that a board accepts; missing fields are 0, extra bytes ignored */
     uint8_t shortest, longest;
     uint8_t repeats;
     size_t nfield, ndata;       /* all fields, fields in the data */
     const struct field *layout; /* fields of the data, with padding; ends with FIELD_END */
-    /* fields of the identifier, from bit 0 up, 32 bits; NULL = none */
+    /* fields of the 32-bit identifier, from bit 0 up; NULL = none */
     const struct field *id_layout;
     struct described_field *field;    /* fields of layout, then of id_layout, without padding */
     int8_t first[DESCRIBED_MEANINGS]; /* first field of each meaning; -1 = none */
@@ -232,23 +236,23 @@ struct described_frame {
     uint8_t nread;
     int counter;       /* index of the counter field; -1 = none */
     uint8_t nconstant; /* number of constant fields */
-    bool switches;     /* changes states, laws or faults */
-    bool configures;   /* sets settings, parameters or the position */
-    bool checked;      /* names states, laws, parameters or a period */
+    bool switches;     /* can change the state, the law or the faults */
+    bool configures;   /* can set settings, parameters or the position */
+    bool checked;      /* has states, laws, parameters or a period, whose values a board checks */
     enum described_checksum checksum;
-    uint8_t checksum_byte; /* its index in the data */
+    uint8_t checksum_byte; /* index in the data */
 
     /* From boards */
-    int64_t period_ns;  /* 0 = see the fields below */
-    unsigned spread_ms; /* delay after the period's grid: spread_ms times the number */
+    int64_t period_ns;  /* 0 = no period of its own */
+    unsigned spread_ms; /* delay is spread_ms times the number in the identifier */
     bool telemetry;     /* sent every telemetry period of the rig or the host */
     bool on_change;     /* also sent when state or faults change */
     bool on_restart;
-    bool optional; /* its period holds only on boards with transmit_at_start */
+    bool optional; /* periodic only on boards with transmit_at_start */
 
     /* From the host */
     int reply[3];                  /* answering frame by kind of board; -1 = none */
-    int8_t echo[DESCRIBED_ECHOES]; /* fields that the answer's echoes copy; -1 = none */
+    int8_t echo[DESCRIBED_ECHOES]; /* fields that echoes in the answer copy; -1 = none */
     int enter;                     /* state to enter; -1 = none */
     bool zero;                     /* sets the present position to 0 */
     bool stop;                     /* emergency stop */
@@ -256,16 +260,17 @@ struct described_frame {
     bool restart;                  /* restarts the board */
     bool commands;                 /* carries a set point, which resets the time-out */
     bool selects;                  /* has a field that selects boards or axes */
-    bool of_one; /* by slot, or with a selecting field: all fields belong to one axis */
+    bool of_one; /* all fields are for one axis: by slot, or selected by a field */
 };
 
 struct described_state {
     struct yaml_mark mark; /* place in the file */
     const char *name;
-    int64_t value, result; /* result: a second value of the state, which a field may report */
+    int64_t value, result; /* result: second number of the state, for DESCRIBED_RESULT */
     enum described_law law;
     double set_point_scale;
-    int64_t lasts_ns; /* then the axis enters the first state with law off; 0 = it stays */
+    /* after this time the axis enters the first state with law off; 0 = never */
+    int64_t lasts_ns;
 };
 
 /* A parameter that a host reads by its number, and writes if it is a setting. */
@@ -296,33 +301,35 @@ struct described_protocol {
     unsigned address_max;
     size_t nframe, nstate, nlaw;
     struct described_frame frame[DESCRIBED_FRAMES_MAX];
-    /* law: selectable by the host; the first is the default */
+    /* law: laws that the host can select; the first is the default */
     const struct described_state *state, *law;
     int off_state, fault_state;           /* states after power-up and after a fault */
     int fault_bit[DESCRIBED_FAULT_KINDS]; /* -1 = not reported */
-    int64_t command_timeout_ns;           /* 0 = the rig's; -1 = none */
-    int timeout_state;                    /* -1 = set points become 0, the state stays */
-    int unknown_state; /* refused state for values of no state; -1 = the frame is malformed */
-    /* only frames clear faults, the state off does not */
+    int64_t command_timeout_ns;           /* 0 = the rig's time-out; -1 = none */
+    int timeout_state;                    /* -1 = keep the state and reset the set points */
+    /* state with law refused, for unknown state values; -1 = the frame is malformed */
+    int unknown_state;
+    /* faults are cleared only by frames, not by a state with law off */
     bool clears;
-    bool period_settable;           /* no telemetry before the host sets a period */
+    bool period_settable;           /* the host sets the telemetry period; none before */
     bool tells[DESCRIBED_MEANINGS]; /* some frame of the boards reports this meaning */
     struct described_gains gains;
     size_t nparameter;
     struct described_parameter parameter[DESCRIBED_PARAMETERS_MAX];
 
-    /* Bit masks of frames: by 11-bit identifier, all with 29 bits, all from the host */
+    /* Bit masks of frames: one for each 11-bit identifier, all with 29-bit identifiers, all from
+     * the host */
     uint64_t rows[DESCRIBED_STANDARD_ID_MAX + 1], extended_rows, host_rows;
     struct described_schedule telemetry[3], other[3]; /* by kind of board */
 
     struct {
         struct described_list discover, configure, on, off, command;
         int on_state, off_state;
-        enum described_law law; /* law of on_state, as the host selects it */
+        enum described_law law; /* law of on_state after the host has selected a law */
     } host;
 };
 
-/* Returns the law of a state when the host has selected `law`. */
+/* Returns the law of a state. law: index of the law that the host has selected. */
 static inline enum described_law described_state_law(const struct described_protocol *protocol,
                                                      int state, int law)
 {
@@ -350,23 +357,24 @@ enum error_code described_read_text(const char *name, const char *text, size_t s
                                     struct arena *arena, const struct described_protocol **protocol,
                                     struct error *error);
 
-/* Return the words of a protocol file for a law, and for the meaning of a field of a frame from the
- * host or from boards: "constant", "counter" and "checksum" for what has no word; "" = nothing. */
+/* Return the word of a protocol file for a law, and for the meaning of a field. from_host:
+ * direction of the field's frame. "constant", "counter" or "checksum" for these meanings; "" = no
+ * word. */
 const char *described_law_word(enum described_law law);
 const char *described_meaning_name(enum described_meaning meaning, bool from_host);
 
 /* Returns the unit of a meaning; "" = dimensionless, NULL = a count without scale. */
 const char *described_unit(enum described_meaning meaning);
 
-/* Convert fault bits of the protocol to bits of enum described_fault, and back. */
+/* Convert fault bits of the protocol to bits of enum described_fault, and the reverse. */
 uint32_t described_known_faults(const struct described_protocol *protocol, int64_t bits);
 int64_t described_fault_bits(const struct described_protocol *protocol, uint32_t faults);
 
-/* Returns the count of a field for a value, clamped to the field; for a float its bits. A NaN gives
- * 0, an infinity the end of the field. */
+/* Returns the count of a value, clamped to the range of the field. A NaN gives 0. Infinity gives
+ * the end of the range. For a float field, returns the bits of the float. */
 int64_t described_count(const struct described_field *field, double value);
 
-/* Returns the value of a float's bits; 0 when it is not finite. */
+/* Returns the value of a float from its bits; 0 if the float is not finite. */
 double described_real(uint32_t bits);
 
 static inline double described_value(const struct described_field *field, int64_t count)
@@ -376,13 +384,13 @@ static inline double described_value(const struct described_field *field, int64_
     return scaled * field->scale + field->offset;
 }
 
-/* Returns a count in the bits of a field. It wraps around instead of saturating. */
+/* Returns a count wrapped around to the bits of a field, without saturation. */
 static inline int64_t described_wrap(const struct described_field *field, uint32_t count)
 {
     return (int64_t)(count & field->mask);
 }
 
-/* Returns the name, type and unit of a field; padding is not counted. */
+/* Returns name, type and unit of a field. field: index without padding. */
 const struct field *described_layout(const struct described_frame *frame, size_t field);
 
 /* Returns the index of a field with a meaning; -1 = none. */
@@ -400,14 +408,14 @@ static inline uint8_t described_length(const struct described_frame *frame, unsi
     return frame->flags & FRAME_FD ? frame_fd_length(bytes) : (uint8_t)bytes;
 }
 
-/* Returns the identifier of a frame with a number; its field bits are 0. */
+/* Returns the identifier of a frame for a number. Bits of identifier fields are 0. */
 static inline uint32_t described_id(const struct described_frame *frame, unsigned number)
 {
     return frame->base + frame->step * number;
 }
 
-/* Returns the frames, as a bit mask, that may have an identifier, from the host or from boards.
- * described_number makes the final check. */
+/* Returns a bit mask of the frames, from the host or from boards, that may have an identifier.
+ * Check each of them with described_number. */
 static inline uint64_t described_rows(const struct described_protocol *protocol,
                                       const struct bus_frame *frame, bool from_host)
 {
@@ -418,7 +426,8 @@ static inline uint64_t described_rows(const struct described_protocol *protocol,
     return rows & (from_host ? protocol->host_rows : ~protocol->host_rows);
 }
 
-/* Returns whether an identifier (29 bits if extended) belongs to a frame, and stores its number. */
+/* Returns whether an identifier belongs to a frame, and stores its number. extended: the identifier
+ * has 29 bits. */
 static inline bool described_number(const struct described_frame *frame, uint32_t id, bool extended,
                                     unsigned *number)
 {
@@ -438,14 +447,14 @@ static inline bool described_number(const struct described_frame *frame, uint32_
 
 /* ---- fields ---- */
 
-/* Bytes read and written at once; a field lies within them. Beyond the last byte of the data they
- * are bytes of the same frame, which stay as they are. */
+/* Bytes that are read and written at once; they contain the whole field. Bytes beyond the data are
+ * other members of struct bus_frame and keep their values. */
 enum { DESCRIBED_WINDOW = 8 };
 _Static_assert(sizeof(struct bus_frame) >=
                    offsetof(struct bus_frame, data) + DESCRIBED_LENGTH_MAX + DESCRIBED_WINDOW,
                "room for the window of the last byte");
 
-/* Loads the window at a byte, in the byte order of a field. */
+/* Loads the window that starts at a byte, in the byte order of a field. */
 static inline uint64_t described_load_window(const struct described_field *field,
                                              const uint8_t *byte)
 {
@@ -455,7 +464,8 @@ static inline uint64_t described_load_window(const struct described_field *field
     return field->big_endian ? be64toh(bits) : le64toh(bits);
 }
 
-/* Returns the count of a field, moved by `after` bytes; 0 beyond the frame's end. */
+/* Returns the count of a field. after: first byte of the repetition that contains the field. 0 if
+ * the field is beyond the end of the frame. */
 static inline int64_t described_get(const struct described_field *field,
                                     const struct bus_frame *sent, unsigned after)
 {
@@ -471,7 +481,8 @@ static inline int64_t described_get(const struct described_field *field,
     return (int64_t)((bits ^ field->sign) - field->sign);
 }
 
-/* Writes a count, clamped to the field, into data or identifier, where the field is 0. */
+/* Writes a count, clamped to the range of the field, into data or identifier. The field must be 0
+ * before. after: first byte of the repetition. */
 static inline void described_put(const struct described_field *field, int64_t count, unsigned after,
                                  struct bus_frame *out)
 {
@@ -491,7 +502,7 @@ static inline void described_put(const struct described_field *field, int64_t co
     memcpy(byte, &bits, sizeof bits);
 }
 
-/* Returns the checksum of length bytes, without the byte at index skip. */
+/* Returns the checksum of `length` bytes, without the byte at index `skip`. */
 uint8_t described_checksum(enum described_checksum checksum, const uint8_t *data, size_t length,
                            size_t skip);
 
@@ -504,8 +515,7 @@ static inline void described_close(const struct described_frame *frame, uint8_t 
     }
 }
 
-/* Writes the identifier and the counts of all fields as repetition `part` into a zeroed frame, then
- * the checksum. */
+/* Writes identifier, all fields of repetition `part`, and checksum into a frame that was zeroed. */
 void described_encode(const struct described_frame *frame, unsigned number, unsigned part,
                       const int64_t *counts, struct bus_frame *out);
 
@@ -513,27 +523,28 @@ void described_encode(const struct described_frame *frame, unsigned number, unsi
 void described_decode(const struct described_frame *frame, const struct bus_frame *sent,
                       unsigned part, int64_t *counts);
 
-/* Returns the name of a checksum in DBC and pages; "" = none. */
+/* Returns the name of a checksum for DBC files and the printed protocol; "" = none. */
 const char *described_checksum_name(enum described_checksum checksum);
 
-/* Returns whether a receiver can distinguish frames of two rows with the same identifier: by
- * direction and remote flag, by length, by constants of a that b does not match, or by parameters.
- * Row a comes first in the file. Rows from opposite sides differ only by the remote flag. */
+/* Returns whether a receiver can distinguish frames of two rows with the same identifier. Row a
+ * comes first in the file. Rows of opposite directions can differ only by the remote flag. Rows of
+ * one direction can differ by remote flag, length, parameters, or constants of a that b does not
+ * match. */
 bool described_told_apart(const struct described_frame *a, const struct described_frame *b);
 
 /* Why a board does not obey a frame (struct board_event). */
 enum described_wrong {
     DESCRIBED_WRONG_LENGTH = 1,
-    DESCRIBED_WRONG_FORMAT, /* classic CAN instead of CAN FD, or reverse */
+    DESCRIBED_WRONG_FORMAT, /* classic CAN instead of CAN FD, or the reverse */
     DESCRIBED_WRONG_CHECKSUM,
     DESCRIBED_WRONG_COUNTER,
-    DESCRIBED_WRONG_VALUE, /* expected: index of the field */
-    DESCRIBED_WRONG_LAW,   /* a valve lacks the law */
+    DESCRIBED_WRONG_VALUE, /* `expected` is the index of the field */
+    DESCRIBED_WRONG_LAW,   /* a servo valve does not support the law */
 };
 
 /* Result of comparing a frame with a row. */
 enum described_match {
-    DESCRIBED_BAD_LENGTH, /* wrong length, or wrong format of CAN */
+    DESCRIBED_BAD_LENGTH, /* wrong length; or classic CAN instead of CAN FD, or the reverse */
     DESCRIBED_BAD_CONSTANT,
     DESCRIBED_BAD_CHECKSUM,
     DESCRIBED_IS
@@ -543,11 +554,12 @@ enum described_match {
 bool described_has_constants(const struct described_frame *frame, const struct bus_frame *sent,
                              unsigned part);
 
-/* Compares everything except the fixed part of the identifier. */
+/* Compares a frame with a row, except the identifier outside its fields. */
 enum described_match described_match_frame(const struct described_frame *frame,
                                            const struct bus_frame *sent);
 
-/* Returns the state with a value, with `commanded` only one that a host may command; -1 = none. */
+/* Returns the index of the state with a value; -1 = none. commanded: finds only states that a host
+ * may command. */
 int described_find_state(const struct described_state *state, size_t count, int64_t value,
                          bool commanded);
 

@@ -169,7 +169,7 @@ static const struct yaml_field field_fields[] = {
      .max = DESCRIBED_AXES - 1},
     {"values", YAML_REAL_DICT, false, AT(entry), .count_offset = AT(nentry)},
 };
-/* constant: of an echo, found later */
+/* The loader sets the `constant` of an echo later (described_link_echo) */
 static const struct raw_described_field field_defaults = {.field = {.constant = -1, .scale = 1.0}};
 static const struct yaml_schema field_schema =
     YAML_SCHEMA("a field", struct raw_described_field, field_fields, .defaults = &field_defaults);

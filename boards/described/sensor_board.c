@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Force-torque and inertial boards of a described protocol: channels in their units. A channel
- * without a reading keeps its value and reports a fault. */
+/* Force-torque and inertial boards of a described protocol. A channel is in the unit of its
+ * meaning. A channel without a reading keeps its value and reports a fault. */
 #include "boards/described/private.h"
 #include "boards/sensing/inertial.h"
 
@@ -19,7 +19,7 @@ static void described_sensor_power_up(struct board *board)
     }
 }
 
-/* Notes the faults of a sample: saturation, missing readings, lost frames. */
+/* Updates the faults after a sample: saturation, missing readings, lost frames. */
 static void described_sensor_note(struct described_node *node, bool bad, enum described_fault fault)
 {
     node->axis[0].faults = (uint32_t)(node->saturated != 0) << DESCRIBED_CHANNEL_SATURATED |
@@ -27,8 +27,9 @@ static void described_sensor_note(struct described_node *node, bool bad, enum de
                            (uint32_t)node->board.lost_in_status << DESCRIBED_OVERFLOW;
 }
 
-/* Stores a force or a moment, saturated to its full scale. A peak within the tick saturates it too;
- * bad: no reading. */
+/* Stores a force or a moment, clamped to its full scale. Marks the channel as saturated if the
+ * value, or its peak within the tick, exceeds the full scale. Without a reading, sets *bad and
+ * keeps the old value. */
 static void described_ft_convert(struct described_node *node, int channel, double value,
                                  double peak, bool *bad)
 {
@@ -62,7 +63,7 @@ static void described_ft_sample(struct board *board, const struct plant_sensors 
     described_sensor_note(node, bad, DESCRIBED_TORQUE_SENSOR);
 }
 
-/* Stores `count` values in channels from `first` on; bad: no reading. */
+/* Stores `count` values in the channels from `first` on. Sets *bad if there is no reading. */
 static void described_inertial_convert(struct described_node *node, enum described_meaning first,
                                        int count, const double *value, bool *bad)
 {
