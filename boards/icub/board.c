@@ -7,7 +7,7 @@
 
 #include <string.h>
 
-/* DATA: appends bytes to the line. A complete line is added to counts, checksum and image. */
+/* Appends the bytes of DATA to the line. Adds a complete line to totals, checksum and image. */
 static enum icub_line icub_loader_put(struct icub_loader *loader, const uint8_t *data, size_t size)
 {
     const uint8_t head[] = {(uint8_t)loader->address, (uint8_t)(loader->address >> 8),
@@ -36,7 +36,8 @@ static enum icub_line icub_loader_put(struct icub_loader *loader, const uint8_t 
     return ICUB_LINE_COMPLETE;
 }
 
-/* Functions of every iCub board: class 7, and the handling of a command by its table row. */
+/* Functions of every iCub board: commands of class 7, and handling of a command by its table
+ * row. */
 
 static const int64_t BOOTLOADER_NS = (int64_t)ICUB_BOOTLOADER_MS * MS;
 
@@ -89,8 +90,8 @@ static bool icub_board_is_downloading(const struct icub_board *icub)
            icub->loader.boot == icub->board.boots;
 }
 
-/* Obeys ADDRESS, DATA and RUN of a download. Returns false for a refused command, which is not
- * acknowledged. */
+/* Obeys ADDRESS, DATA and RUN of a download. Returns false if it refuses the command, and then
+ * sends no acknowledgment. */
 static bool icub_board_download(struct icub_board *icub, const struct bus_frame *frame,
                                 const int64_t *request)
 {
@@ -98,7 +99,7 @@ static bool icub_board_download(struct icub_board *icub, const struct bus_frame 
     enum icub_line line = ICUB_LINE_GROWS;
 
     if (!icub->board.in_bootloader) {
-        return true; /* the application ignores them */
+        return true; /* the application ignores these commands */
     }
     if (!icub_board_is_downloading(icub)) {
         return false;
@@ -123,7 +124,7 @@ static bool icub_board_download(struct icub_board *icub, const struct bus_frame 
 
 /* ---- commands ---- */
 
-/* Obeys a command of class 7; returns false when it is refused. */
+/* Obeys a command of class 7. Returns false if it refuses the command. */
 static bool icub_board_manage(struct icub_board *icub, const struct bus_frame *frame,
                               const int64_t *request)
 {
@@ -136,8 +137,8 @@ static bool icub_board_manage(struct icub_board *icub, const struct bus_frame *f
     uint32_t reply_id = icub_id(ICUB_MANAGEMENT, board->address, frame->id >> 4);
 
     switch ((enum icub_management_command)frame->data[0]) {
-    /* Commands of both application and bootloader. A bootloader has no build number, so hosts
-     * recognize it, and discovery keeps it in the bootloader */
+    /* Both application and bootloader obey these commands. In the bootloader, DISCOVER reports no
+     * build number and stops the timer that starts the application */
     case ICUB_DISCOVER:
         board_queue(board, reply_id, board->in_bootloader ? 4 : 5, identity);
         if (board->in_bootloader) {
@@ -157,9 +158,9 @@ static bool icub_board_manage(struct icub_board *icub, const struct bus_frame *f
     case ICUB_SET_CAN_ADDRESS:
         return board_set_address(board, (uint8_t)request[0]);
 
-    /* A firmware download. At START the application restarts into the bootloader, which waits as
-     * after any reset; in the bootloader START ends the wait. The image is erased to ones, as in
-     * flash */
+    /* START of a download. The application restarts into the bootloader, which waits BOOTLOADER_NS
+     * as after any reset. In the bootloader, START stops this timer. An erased image is all ones,
+     * as in flash */
     case ICUB_START_UPDATE:
         if (board->in_bootloader) {
             board->application_ns = INT64_MAX;
@@ -179,7 +180,8 @@ static bool icub_board_manage(struct icub_board *icub, const struct bus_frame *f
     case ICUB_UPDATE_DATA:
     case ICUB_UPDATE_RUN:
         return icub_board_download(icub, frame, request);
-    case ICUB_UPDATE_END: /* starts the application; in the application it is a ping */
+    /* leaves the bootloader; the application only acknowledges END */
+    case ICUB_UPDATE_END:
         icub_loader_acknowledge(icub, frame);
         if (board->in_bootloader) {
             if (icub_board_is_downloading(icub) && loader->lines > 0) {
@@ -193,7 +195,8 @@ static bool icub_board_manage(struct icub_board *icub, const struct bus_frame *f
     return false;
 }
 
-/* Obeys a command of the application and queues its answer. Returns false when it is refused. */
+/* Obeys a command of the application and queues its answer. Returns false if the board refuses the
+ * command. */
 static bool icub_board_obey(struct icub_board *icub, const struct bus_frame *frame,
                             const struct icub_command *command, const int64_t *request)
 {
@@ -225,7 +228,7 @@ static enum board_verdict icub_board_receive(struct icub_board *icub, const stru
     uint8_t code = frame->data[0] & (uint8_t)(ops->axis_bit ? ~ICUB_AXIS_BIT : ~0);
     bool obeyed;
 
-    /* Find the table row and check the length and values */
+    /* Find the table row, then check the length and the values */
     if (frame->len == 0) {
         return BOARD_MALFORMED;
     }
@@ -247,7 +250,7 @@ static enum board_verdict icub_board_receive(struct icub_board *icub, const stru
         return BOARD_MALFORMED;
     }
 
-    /* The bootloader ignores known commands of the application */
+    /* The bootloader ignores all valid commands of the application */
     if (cls == ICUB_MANAGEMENT) {
         obeyed = icub_board_manage(icub, frame, request);
     } else {
@@ -256,12 +259,13 @@ static enum board_verdict icub_board_receive(struct icub_board *icub, const stru
     return obeyed ? BOARD_OBEYED : BOARD_MALFORMED;
 }
 
-/* Buses with iCub boards: passes each frame to the addressed boards, and torques from one board to
- * another. */
+/* Buses with iCub boards: passes each command to the addressed boards, and torques from STRAIN
+ * boards to motor boards. */
 
-/* Returns whether the class and address of a command select this board. Of the management
- * broadcasts, discovery does. The lines of a download do, if the board's bootloader has received
- * START: a loader program sends START to each board and then the lines once to all boards. */
+/* Returns whether a command selects this board by its class and address. Only two kinds of
+ * broadcasts of class 7 select boards: discovery, and the frames of a download. A loader program
+ * sends START to each board, and then the frames of the download once to all boards. They select
+ * the boards whose bootloader has received START. */
 static bool icub_board_is_addressed(const struct icub_board *board, const struct bus_frame *frame)
 {
     enum icub_class cls = (enum icub_class)(frame->id >> 8);
@@ -296,7 +300,7 @@ static void icub_bus_receive_command(struct boards *boards, struct board_bus *bu
     struct board *listener = NULL;
     enum board_verdict worst = BOARD_OBEYED;
 
-    /* A broadcast counts once, with the worst verdict of all boards */
+    /* Count a broadcast once, with the worst verdict of all boards */
     for (unsigned address = first; address <= last; address++) {
         struct board *board = bus->by_address[address];
         enum board_verdict verdict;
@@ -314,7 +318,8 @@ static void icub_bus_receive_command(struct boards *boards, struct board_bus *bu
     boards_count_frame(boards, listener, worst, frame);
 }
 
-/* Passes DESIRED_TARGETS (boards/foc) to all boards. It is the only class 1 frame from a host. */
+/* Passes DESIRED_TARGETS (boards/foc) to all boards. It is the only class 1 frame that a host
+ * sends. */
 static void icub_bus_receive_targets(struct boards *boards, struct board_bus *bus,
                                      const struct bus_frame *frame)
 {
@@ -351,7 +356,7 @@ void icub_bus_hear_strain(struct board_bus *bus, uint8_t address, enum icub_anal
     source->time_ns = time_ns;
 }
 
-/* Stores a frame of a real STRAIN board on the bus; a motor board may use its torques. */
+/* Stores a frame from a real STRAIN board, so that motor boards can use its torques. */
 static void icub_bus_receive_strain(struct boards *boards, struct board_bus *bus,
                                     const struct bus_frame *frame)
 {
@@ -366,7 +371,7 @@ static void icub_bus_receive_strain(struct boards *boards, struct board_bus *bus
     }
 }
 
-/* Passes on a frame by its class (struct board_bus_ops). */
+/* Passes a frame to its receivers, by its class (struct board_bus_ops). */
 static void icub_bus_receive(struct boards *boards, struct board_bus *bus,
                              const struct bus_frame *frame)
 {
@@ -388,7 +393,7 @@ static void icub_bus_receive(struct boards *boards, struct board_bus *bus,
     }
 }
 
-/* Sets a new board's name as its additional information. */
+/* Adds a board to the bus and stores the board's name as its additional information. */
 static void icub_bus_add_board(struct board_bus *bus, struct board *board)
 {
     struct icub_board *icub = icub_board_of(board);

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Functions common to all boards of an iCub bus, for both motor protocols: class 7, the path from a
- * frame through a row of the tables to an answer, and torques that boards hear from each other.
- * Each kind of board embeds struct icub_board. RT-safe except functions that create.
+ * Functions common to all boards of an iCub bus, for the protocols icub and foc: commands of class
+ * 7, the path of a command through its table row to an answer, and the torques that STRAIN boards
+ * send to motor boards. Each kind of board embeds struct icub_board. RT-safe, except the functions
+ * that create an object.
  */
 #ifndef BOARDS_ICUB_BOARD_H
 #define BOARDS_ICUB_BOARD_H
@@ -11,25 +12,27 @@
 #include "boards/icub/table.h"
 
 /*
- * The bootloader of an iCub board. It accepts a firmware download, acknowledges it as the real one
- * does, and keeps the data. A host can rehearse an update and compare the data with its file.
+ * The bootloader of an iCub board. It accepts a firmware download, acknowledges it as the real
+ * bootloader does, and keeps the data. A host can rehearse an update and then compare the data with
+ * its file.
  *
- * A download is START, lines, RUN, END. A line is ADDRESS (number of bytes, target) and DATA (up to
- * seven bytes each). The bootloader acknowledges a line once, after its last byte. It acknowledges
- * nothing before START, and no line that is incomplete or too long. END returns to the unchanged
- * application: the downloaded code never runs.
+ * A download consists of START, lines, RUN and END. A line consists of one ADDRESS (number of
+ * bytes, target address) and DATA frames of up to seven bytes. The bootloader acknowledges each
+ * line once, after its last byte. It sends no acknowledgment before START, and none for a line that
+ * is incomplete or too long. END starts the unchanged application: the downloaded code never runs.
  *
- * The checksum covers each complete line in order of arrival: address (two bytes, low byte first),
- * memory, data. It is the CRC-32 of zlib. Bytes for a DSP board also go into an image of its two
- * memories, program and data, in 16-bit words, low byte first on the wire. All RT-safe.
+ * The checksum is the CRC-32 of zlib over all complete lines in order of arrival. Each line adds
+ * its address (two bytes, low byte first), its memory and its data. Data for a DSP board is also
+ * stored in an image of the DSP's two memories, program and data. The image has 16-bit words; the
+ * frames carry the low byte first. All functions are RT-safe.
  */
 enum { ICUB_LINE_MAX = 255, ICUB_MEMORY_WORDS = 1 << 16, ICUB_MEMORIES = 2 };
 
 struct icub_loader {
     bool downloading; /* START was received */
-    uint32_t boot;    /* the stay in the bootloader that began this download */
+    uint32_t boot;    /* value of board.boots when START was received */
 
-    /* The present line */
+    /* The line that is being received */
     bool line_open;
     uint16_t address;
     uint8_t memory, length, filled;
@@ -44,8 +47,8 @@ enum icub_line { ICUB_LINE_REFUSED, ICUB_LINE_GROWS, ICUB_LINE_COMPLETE };
 
 /* The last frames of a STRAIN board, as received by motor boards on the bus. */
 struct torque_source {
-    int16_t value[BOARD_CHANNELS]; /* counts, 0x8000 = its full scale */
-    int64_t time_ns;               /* time of the newest frame, 0 = none yet */
+    int16_t value[BOARD_CHANNELS]; /* counts, 0x8000 = full scale of the sending board */
+    int64_t time_ns;               /* time of the newest frame; 0 = none received yet */
 };
 
 enum { ICUB_SOURCES = 16 }; /* one per four-bit address */
@@ -64,11 +67,11 @@ struct icub_board_ops {
     size_t command_count;
     enum icub_class command_class;
     bool axis_bit;       /* bit 7 of a class 0 command selects the axis */
-    bool no_info;        /* has no additional information */
+    bool no_info;        /* sends no additional information */
     uint8_t loader_type; /* board type that its bootloader reports in discovery */
 
-    /* Obeys a command whose length and values are valid. request holds its values; reply receives
-     * the values of the answer, if the row has one. Returns false when the board refuses the
+    /* Obeys a command whose length and values are valid. request: values of the command. reply:
+     * receives the values of the answer, if the row has one. Returns false if the board refuses the
      * command. Sets *answer to false to suppress the answer. */
     bool (*command)(struct icub_board *board, const struct bus_frame *frame, const int64_t *request,
                     int64_t *reply, bool *answer);
@@ -89,34 +92,35 @@ static inline struct icub_bus *icub_bus_of(const struct board_bus *bus)
     return container_of(bus, struct icub_bus, bus);
 }
 
-/* Every board of an iCub bus is a struct icub_board. */
+/* Returns a board as an iCub board. Every board of an iCub bus is a struct icub_board. */
 static inline struct icub_board *icub_board_of(const struct board *board)
 {
     return container_of(board, struct icub_board, board);
 }
 
-/* Returns the functions of the kind of a board. */
+/* Returns the functions for the kind of a board. */
 static inline const struct icub_board_ops *icub_ops_of(const struct icub_board *board)
 {
     return container_of(board->board.ops, struct icub_board_ops, base);
 }
 
-/* Return NULL when out of memory; not RT-safe. The configuration has been checked. kind: BOARD_FT,
- * BOARD_TORQUE. */
+/* Create a bus or a board; NULL = out of memory. Not RT-safe. The configuration must have been
+ * checked. kind: BOARD_FT or BOARD_TORQUE. */
 struct board_bus *icub_bus_create(struct arena *arena);
 struct board *motor_board_create(struct arena *arena);
 struct board *strain_board_create(enum board_kind kind, struct arena *arena);
 struct board *inertial_board_create(struct arena *arena);
 
-/* Stores a STRAIN frame of six data bytes for the other boards on the bus. */
+/* Stores a STRAIN frame of six data bytes, so that motor boards on the bus can use its torques. */
 void icub_bus_hear_strain(struct board_bus *bus, uint8_t address, enum icub_analog_type type,
                           const uint8_t *data, int64_t time_ns);
 
-/* Queue the eight frames of additional information in the class of id; set a part of it. */
+/* Queue the additional information as eight frames, in the class of `id`; store a part of the
+ * additional information. */
 void icub_board_queue_info(struct icub_board *board, uint32_t id);
 void icub_board_set_info(struct icub_board *board, const int64_t *part);
 
-/* Fills the answer to GET_FIRMWARE_VERSION, for protocol major.minor. */
+/* Fills the answer to GET_FIRMWARE_VERSION with protocol version major.minor. */
 void icub_board_report_firmware(const struct board *board, unsigned major, unsigned minor,
                                 bool acknowledged, int64_t *reply);
 

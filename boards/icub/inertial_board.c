@@ -24,12 +24,12 @@ enum {
 
 struct inertial_board {
     struct icub_board icub;
-    int64_t counts[ICUB_INERTIAL_SENSORS][4]; /* by sensor; [3] for the quaternion only */
-    /* bit masks of sensors: without a reading, beyond the range */
+    int64_t counts[ICUB_INERTIAL_SENSORS][4]; /* by sensor; element 3 only for the quaternion */
+    /* bit masks of sensors: without a reading; beyond the range */
     uint16_t bad, cut;
     uint16_t mask;
     uint8_t fusion;  /* enum icub_fusion */
-    uint32_t ranges; /* stored for the host */
+    uint32_t ranges; /* stored for the host, without effect */
     uint8_t sequence;
     int64_t period_ns, next_ns; /* period 0 = no telemetry */
 };
@@ -39,7 +39,7 @@ static struct inertial_board *inertial_board_of(const struct board *board)
     return container_of(board, struct inertial_board, icub.board);
 }
 
-/* Sets the telemetry period, from now on; 0 stops it. */
+/* Sets the telemetry period, starting now; 0 stops the telemetry. */
 static void inertial_board_set_period(struct inertial_board *inertial, int64_t period_ns)
 {
     inertial->period_ns = period_ns;
@@ -61,7 +61,8 @@ static void inertial_board_power_up(struct board *board)
 
 /* ---- values ---- */
 
-/* Converts the values of a sensor to counts. Notes sensors without a reading and saturated ones. */
+/* Converts the values of a sensor to counts. Marks a sensor without a reading in `bad`, a saturated
+ * sensor in `cut`. */
 static void inertial_board_convert(struct inertial_board *inertial, unsigned sensor,
                                    const double *value, int count, double worth)
 {
@@ -94,7 +95,7 @@ static void inertial_board_sample(struct board *board, const struct plant_sensor
     inertial_board_convert(inertial, ICUB_SENSOR_LINEAR, v.linear_m_s2, 3, ICUB_ACCELERATION_M_S2);
     inertial_board_convert(inertial, ICUB_SENSOR_GRAVITY, v.gravity_m_s2, 3,
                            ICUB_ACCELERATION_M_S2);
-    /* The status: two bits for each part of the chip, 3 = calibrated */
+    /* Status: two bits per part of the sensor chip, 3 = calibrated */
     status[0] = (v.oriented ? ICUB_CALIBRATED << 6 : 0) |
                 (inertial->bad >> ICUB_SENSOR_MAGNETIC & 1 ? 0 : ICUB_CALIBRATED) |
                 (inertial->bad >> ICUB_SENSOR_ACCELERATION & 1 ? 0 : ICUB_CALIBRATED << 2) |
@@ -114,7 +115,7 @@ static bool inertial_board_command(struct icub_board *icub, const struct bus_fra
 
     (void)answer;
     switch (frame->data[0]) {
-    /* Selection of sensors and period */
+    /* Selection of sensors, and telemetry period */
     case ICUB_INERTIAL_GET_CONFIG:
         reply[0] = inertial->mask;
         reply[1] = inertial->fusion;
@@ -130,7 +131,7 @@ static bool inertial_board_command(struct icub_board *icub, const struct bus_fra
         inertial_board_set_period(inertial, request[0] * MS);
         return true;
 
-    /* The board */
+    /* Version and address of the board */
     case ICUB_STRAIN_GET_FIRMWARE:
         icub_board_report_firmware(board, ICUB_STRAIN_PROTOCOL_MAJOR, ICUB_STRAIN_PROTOCOL_MINOR,
                                    request[0] == ICUB_STRAIN_PROTOCOL_MAJOR &&
@@ -146,7 +147,7 @@ static bool inertial_board_command(struct icub_board *icub, const struct bus_fra
 
 /* ---- periodic frames ---- */
 
-/* Sends a frame for each selected sensor when due (struct board_ops). */
+/* Sends one frame per selected sensor when the period is due (struct board_ops). */
 static void inertial_board_transmit(struct board *board, struct ms_span span,
                                     struct frame_sink *sink)
 {

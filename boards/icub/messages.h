@@ -9,23 +9,23 @@
 #include "boards/icub/table.h"
 #include "boards/protocol.h"
 
-/* The differences between the motor boards of the two protocols. */
+/* Properties in which the motor boards of icub and foc differ. */
 struct icub_dialect {
     const struct icub_frame_type *frames; /* class 1, indexed by type */
     const struct icub_command *commands;  /* class 0 */
     bool axis_bit;                        /* commands select one of two axes */
     int host_frame;                       /* class 1 type that the host sends; -1 = none */
-    /* class 1 type whose cycle depends on the address; -1 = none */
+    /* class 1 type with a cycle that depends on the address; -1 = none */
     int spread_frame;
-    /* cycle of a class 1 type */
+    /* Returns the cycle of a class 1 type; 0 = none */
     uint32_t (*cycle_ns)(const struct board_config *board, unsigned type);
 };
 
-/* Visit DISCOVER, and the messages of a board. */
+/* Visit DISCOVER; visit all messages of a board. */
 void icub_visit_discovery(struct message_walk *walk);
 void icub_visit_messages(struct message_walk *walk, int board, const struct icub_dialect *dialect);
 
-/* Section of the page for class 1; titles of all sections. */
+/* Sections of the printed protocol: index of class 1, and all titles. */
 enum { ICUB_SECTION_TELEMETRY };
 extern const char *const icub_sections[];
 
@@ -33,7 +33,7 @@ extern const char *const icub_sections[];
 const struct board_config *icub_message_board(const struct boards_config *config,
                                               const struct message *message);
 
-/* Describes a channel of a STRAIN board: unit and scale, from the full scale. */
+/* Describes a channel of a STRAIN board: unit and scale, computed from the full scale. */
 void icub_describe_channel(const struct boards_config *config, const struct message_field *field,
                            struct field_subject *subject);
 

@@ -13,7 +13,8 @@ static int64_t pwm_clamp(int64_t value, int64_t limit)
     return control_clamp(value, -most, most);
 }
 
-/* Returns the motion of the velocity reference in this millisecond, ticks. */
+/* Returns the change of the position reference by the velocity reference in this millisecond,
+ * ticks. */
 static int64_t motor_axis_velocity_step(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
@@ -33,7 +34,8 @@ static int64_t motor_axis_velocity_step(struct motor_axis *axis)
     return step;
 }
 
-/* Advances the position reference, but not (further) out of the limits. */
+/* Advances the position reference, but not beyond a limit. A reference that is already beyond may
+ * only move back. */
 static void motor_axis_advance_reference(struct motor_axis *axis)
 {
     int64_t *p = axis->parameter;
@@ -54,7 +56,7 @@ static void motor_axis_advance_reference(struct motor_axis *axis)
     axis->desired = (int32_t)control_clamp(desired, INT32_MIN, INT32_MAX);
 }
 
-/* Returns the PWM of the position PID with offset and, during a move, stiction. */
+/* Returns the PWM of the position law: PID plus offset, plus stiction during a move. */
 static int64_t motor_axis_position_law(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
@@ -72,7 +74,7 @@ static int64_t motor_axis_position_law(struct motor_axis *axis)
     return pwm_clamp(pwm, p[ICUB_P_POSITION_LIMIT]);
 }
 
-/* Returns the PWM of the torque PID with offset. */
+/* Returns the PWM of the torque law: PID plus offset. */
 static int64_t motor_axis_torque_law(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
@@ -83,7 +85,7 @@ static int64_t motor_axis_torque_law(struct motor_axis *axis)
     return pwm_clamp(pwm + p[ICUB_P_TORQUE_OFFSET], p[ICUB_P_TORQUE_LIMIT]);
 }
 
-/* Returns the torque of the axis's source in counts: a STRAIN board on the bus, or its own
+/* Returns the measured torque in counts, from a STRAIN board on the bus or from the axis's own
  * sensor. */
 static int64_t motor_axis_measured_torque(const struct board *board, const struct motor_axis *axis)
 {
@@ -114,7 +116,7 @@ static bool motor_axis_is_impedance(const struct motor_axis *axis)
             axis->base.mode == ICUB_MODE_DIRECT);
 }
 
-/* Runs one millisecond: torque feedback, then the law of the mode, then the limits of the PWM. */
+/* Runs one millisecond: measures the torque, runs the law of the mode, limits the PWM. */
 void motor_axis_step(const struct board *board, struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
@@ -142,13 +144,13 @@ void motor_axis_step(const struct board *board, struct motor_axis *axis)
     case ICUB_MODE_CALIBRATION:
         axis->output = 0;
         break;
-    default: /* the position-like modes */
+    default: /* all position modes */
         motor_axis_advance_reference(axis);
         if (!motor_axis_is_impedance(axis)) {
             axis->output = motor_axis_position_law(axis);
             break;
         }
-        /* Stiffness and damping give the reference of the torque law */
+        /* The impedance law computes the reference of the torque law */
         gains = (struct pid_gains){.kp = p[ICUB_P_STIFFNESS], .kd = p[ICUB_P_DAMPING]};
         axis->torque_reference =
             pid_step(&axis->impedance, &gains, (int64_t)axis->desired - motor_axis_position(axis)) +
@@ -157,12 +159,12 @@ void motor_axis_step(const struct board *board, struct motor_axis *axis)
         break;
     }
 
-    /* Limit the output to the full scale, then to the host's limit */
+    /* Limit the law's output to the full scale, and the PWM to the host's limit */
     axis->output = pwm_clamp(axis->output, ICUB_PWM_FULL_SCALE);
     axis->pwm = pwm_clamp(axis->output, p[ICUB_P_PWM_LIMIT]);
 }
 
-/* The control modes of a motor board, in the lenient and the strict variant. */
+/* Control modes of a motor board: how a lenient and a strict board change them. */
 
 void motor_axis_hold_position(struct motor_axis *axis)
 {
@@ -219,7 +221,7 @@ static void motor_board_print_number(struct board *board, const char *text, unsi
     motor_board_print(board, line);
 }
 
-/* Switches the mode of a strict axis. The present mode again changes nothing, not even
+/* Switches the mode of a strict axis. Commanding the present mode changes nothing and keeps the
  * references. */
 static void motor_axis_switch_strictly(struct board *board, struct motor_axis *axis, int64_t mode)
 {
@@ -297,7 +299,8 @@ bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64
         (!motor_is_control_mode(mode) || (mode == ICUB_MODE_CURRENT && axis->base.config->valve))) {
         return false;
     }
-    /* From idle into a mode; out of a fault only by FORCE_IDLE; else from mode to mode */
+    /* From idle an axis can enter any mode. Only FORCE_IDLE leaves a fault. All other modes can
+     * change directly */
     if (axis->base.mode == ICUB_MODE_IDLE) {
         if (!stop) {
             motor_axis_set_mode(board, axis, (uint8_t)mode);
@@ -326,7 +329,7 @@ bool motor_axis_has_velocity(const struct motor_axis *axis)
 
 /* Checks faults, limits and time-outs of a motor board. */
 
-/* Checks supply, encoders and current; a fault stops a running axis. */
+/* Checks supply, encoders, torque sensor and current. A fault stops a running axis. */
 static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis)
 {
     double limit_a = (double)axis->parameter[ICUB_P_CURRENT_LIMIT] * 1e-3;
@@ -340,7 +343,7 @@ static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis
     uint8_t risen = faults & (uint8_t)~axis->faults;
 
     axis->faults = faults;
-    /* Report over-current once, other faults while they last */
+    /* Report over-current once and other faults while they last */
     if (over_current) {
         axis->faults_once |= ICUB_FAULT_OVER_CURRENT;
         risen |= ICUB_FAULT_OVER_CURRENT;
@@ -356,7 +359,7 @@ static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis
     }
 }
 
-/* Checks the winding's temperature; above its limit a running axis stops. */
+/* Checks the winding temperature. A running axis stops above its limit. */
 static void motor_axis_watch_temperature(struct board *board, struct motor_axis *axis)
 {
     int64_t limit = axis->parameter[ICUB_P_TEMPERATURE_LIMIT];
@@ -390,8 +393,9 @@ uint8_t motor_board_can_status(const struct board *board)
                      (can->rec >= BOARD_CAN_WARNING ? ICUB_CAN_RX_WARNING : 0));
 }
 
-/* Sets an expired reference to 0, by the firmware's time-out of the velocity reference or by the
- * command time-out. The latter is a safety of this simulator, which a strict board lacks. */
+/* Sets a reference to 0 when it expires. A velocity reference has a time-out in the firmware.
+ * Voltage and torque references have the command time-out. It is a
+ * safety feature of this simulator, and strict boards do not have it. */
 static void motor_axis_watch_references(struct board *board, struct motor_axis *axis)
 {
     int64_t timeout_ns = board->config.strict ? 0 : board->config.command_timeout_ns, since_ns;
@@ -421,8 +425,8 @@ static void motor_axis_watch_references(struct board *board, struct motor_axis *
     }
 }
 
-/* Switches off an axis whose torque loop has lost its source: the axis has no sensor, or the STRAIN
- * board has sent no frame recently. */
+/* Switches an axis off if its torque loop has lost the torque source. The source is lost if the
+ * axis has no sensor, or if the STRAIN board has sent no frame for ICUB_STRAIN_SAFE_MS. */
 static void motor_axis_watch_source(struct board *board, struct motor_axis *axis)
 {
     int64_t address, since = axis->source_ns;
@@ -444,7 +448,8 @@ static void motor_axis_watch_source(struct board *board, struct motor_axis *axis
     }
 }
 
-/* Refuses any voltage beyond a limit, even one that leads back, as the firmware does. */
+/* Beyond a limit, sets any voltage reference to 0, even one that leads back. The firmware does the
+ * same. */
 static void motor_axis_watch_limits(struct board *board, struct motor_axis *axis)
 {
     int32_t position = motor_axis_position(axis);
@@ -469,7 +474,7 @@ void motor_board_watch(struct board *board)
     struct motor_board *motor = motor_board_of(board);
     uint8_t can = motor_board_can_status(board);
 
-    /* New states of the CAN controller, for the next STATUS */
+    /* A new state of the CAN controller requests a STATUS frame */
     motor->status_due = motor->status_due || can & (uint8_t)~motor->can_reported;
     motor->can_reported &= can;
     motor->can |= can & (uint8_t)~motor->can_reported;
@@ -478,7 +483,7 @@ void motor_board_watch(struct board *board)
 
         motor_axis_watch_faults(board, axis);
         motor_axis_watch_temperature(board, axis);
-        /* At the end of a calibration, its offset makes the calibrated position zero */
+        /* At the end of a calibration, set the offset so that the calibrated position reads 0 */
         if (axis->base.mode == ICUB_MODE_CALIBRATION &&
             board->boards->now_ns >= axis->calibrated_ns) {
             axis->offset = -axis->calibration_zero;

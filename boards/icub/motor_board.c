@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The settings of an iCub motor board's axes: what commands of class 0 set, with their ranges. */
+/* The settings of an iCub motor board: parameters that commands of class 0 set, with their
+ * ranges. */
 #include "boards/icub/motor_private.h"
 
 #include "base/array.h"
@@ -8,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-/* One value of the command that sets it. */
+/* A setting: the command that sets it, and its field in the command. */
 static const struct {
     const char *name;
     uint8_t code;
@@ -39,7 +40,7 @@ static const struct {
     {"max_velocity", ICUB_SET_MAX_VELOCITY, 0},
 };
 
-/* Returns the parameter of a setting. */
+/* Returns the axis parameter that a setting stores. */
 static int64_t *motor_setting_parameter(const struct board *board, unsigned axis, size_t index)
 {
     enum icub_parameter parameter = icub_motor_commands[rows[index].code].parameter;
@@ -69,7 +70,8 @@ static bool motor_setting_set(struct board *board, unsigned axis, size_t index, 
 {
     *motor_setting_parameter(board, axis, index) = (int64_t)value;
     if (rows[index].code == ICUB_SET_I_GAIN) {
-        motor_board_of(board)->axis[axis].position_pid.integral = 0; /* as the command */
+        /* SET_I_GAIN also resets the integral */
+        motor_board_of(board)->axis[axis].position_pid.integral = 0;
     }
     return true;
 }
@@ -93,7 +95,7 @@ static void motor_board_send_frame(struct board *board, struct frame_sink *sink,
     board_send(board, sink, icub_id(ICUB_PERIODIC_MOTOR, board->address, type), row->length, data);
 }
 
-/* Sends a frame of up to four values if the policy asks for it. */
+/* Sends a frame of up to four values if the broadcast policy selects its type. */
 static void motor_board_send_if_wanted(struct board *board, struct frame_sink *sink,
                                        enum icub_motor_type type, int64_t v0, int64_t v1,
                                        int64_t v2, int64_t v3)
@@ -103,8 +105,8 @@ static void motor_board_send_if_wanted(struct board *board, struct frame_sink *s
     }
 }
 
-/* Returns an error counter as STATUS has it: its change since the last one, as far as a byte
- * goes. */
+/* Returns the change of an error counter since the last STATUS, limited to a signed byte. The rest
+ * of the change is in the next STATUS. */
 static int64_t can_counter_change(unsigned counter, int *reported)
 {
     int64_t change = control_clamp((int64_t)counter - *reported, INT8_MIN, INT8_MAX);
@@ -113,7 +115,7 @@ static int64_t can_counter_change(unsigned counter, int *reported)
     return change & 0xff;
 }
 
-/* Sends STATUS and ADDITIONAL_STATUS when they are due: periodically, on changes, while a fault
+/* Sends STATUS and ADDITIONAL_STATUS when due: periodically, on changes, and while a fault
  * lasts. */
 static void motor_board_transmit_status(struct board *board, struct frame_sink *sink,
                                         int64_t now_ms)
@@ -126,7 +128,7 @@ static void motor_board_transmit_status(struct board *board, struct frame_sink *
     bool now = motor->status_due || periodic || lasting || board->lost_in_status;
 
     if (!(motor->policy >> (ICUB_STATUS - 1) & 1) || board->can.bus_off) {
-        return; /* in bus-off it would be lost */
+        return; /* the frame would be lost in bus-off */
     }
     if (now) {
         motor_board_send_frame(
@@ -137,7 +139,7 @@ static void motor_board_transmit_status(struct board *board, struct frame_sink *
                     (board->lost_in_status ? ICUB_CAN_TX_OVERFLOW : 0),
                 a->heat | b->heat << 1, can_counter_change(board->can.tec, &motor->reported_tec),
                 can_counter_change(board->can.rec, &motor->reported_rec)});
-        /* Forget what is reported once */
+        /* Clear what STATUS reports only once */
         a->faults_once = b->faults_once = 0;
         motor->can = 0;
         motor->can_reported = motor_board_can_status(board);
@@ -152,7 +154,7 @@ static void motor_board_transmit_status(struct board *board, struct frame_sink *
     }
 }
 
-/* Sends speeds and accelerations of the joints or the motors. */
+/* Sends the speeds and accelerations of the joints or of the motors. */
 static void motor_board_send_speeds(struct board *board, struct frame_sink *sink, bool of_motors)
 {
     int speed_shift = of_motors ? ICUB_P_MOTOR_SPEED_SHIFT : ICUB_P_JOINT_SPEED_SHIFT;
@@ -161,7 +163,8 @@ static void motor_board_send_speeds(struct board *board, struct frame_sink *sink
     for (int i = 0; i < MOTOR_AXES; i++) {
         const struct motor_axis *axis = &motor_board_of(board)->axis[i];
         const struct speed_estimator *of = of_motors ? &axis->motor : &axis->joint;
-        const int64_t *shift = &axis->parameter[speed_shift]; /* of speed, then of acceleration */
+        /* shift[0]: of the speed, shift[1]: of the acceleration */
+        const int64_t *shift = &axis->parameter[speed_shift];
 
         speed[i] = estimator_speed(of, shift[0]);
         acceleration[i] = estimator_acceleration(of, shift[0] + shift[1]);
@@ -170,7 +173,7 @@ static void motor_board_send_speeds(struct board *board, struct frame_sink *sink
                                speed[1], acceleration[0], acceleration[1]);
 }
 
-/* Sends the frames of slot 3, as far as the policy asks for them. */
+/* Sends the frames of slot 3 that the broadcast policy selects. */
 static void motor_board_transmit_slot_3(struct board *board, struct frame_sink *sink)
 {
     const struct motor_axis *a = &motor_board_of(board)->axis[0],
@@ -192,14 +195,14 @@ static void motor_board_transmit_slot_3(struct board *board, struct frame_sink *
     motor_board_send_speeds(board, sink, true);
 }
 
-/* Sends the periodic frames (motor_telemetry.c). */
+/* Sends the periodic frames of the slots in a span (struct board_ops). */
 static void motor_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     const struct motor_axis *a = &motor_board_of(board)->axis[0],
                             *b = &motor_board_of(board)->axis[1];
     unsigned slots = 0;
 
-    /* A tick may complete several slots, or none */
+    /* Find the slots in this tick: several, one or none */
     for (int64_t ms = span.from; ms < span.to && ms < span.from + ICUB_SLOTS; ms++) {
         slots |= 1u << ms % ICUB_SLOTS;
     }
@@ -234,7 +237,7 @@ static int64_t motor_axis_clamp_position(const struct motor_axis *axis, int64_t 
                                                : position;
 }
 
-/* Obeys CALIBRATE_ENCODER. Returns false when the type is another than absolute. */
+/* Obeys CALIBRATE_ENCODER. Returns false for any type but the absolute encoder. */
 static bool motor_axis_calibrate(struct board *board, struct motor_axis *axis,
                                  const int64_t *request)
 {
@@ -253,7 +256,7 @@ static bool motor_axis_calibrate(struct board *board, struct motor_axis *axis,
     return true;
 }
 
-/* Answers commands that ask for the state of an axis; returns false when it is not one of them. */
+/* Answers a query about the state of an axis. Returns false for any other command. */
 static bool motor_axis_answer(const struct board *board, const struct motor_axis *axis,
                               unsigned code, int64_t *reply)
 {
@@ -301,8 +304,7 @@ static bool motor_axis_answer(const struct board *board, const struct motor_axis
     }
 }
 
-/* Obeys commands that make an axis do something; returns false when it is not one of them, or
- * refused. */
+/* Obeys a command to an axis. Returns false for any other command, or if it refuses the command. */
 static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigned code,
                            const int64_t *request)
 {
@@ -315,7 +317,7 @@ static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigne
     case ICUB_SET_CONTROL_MODE:
         return motor_axis_command_mode(board, axis, request[0]);
 
-    /* What survives a power cycle */
+    /* Contents of the flash */
     case ICUB_WRITE_FLASH:
         memcpy(axis->saved, axis->parameter, sizeof axis->saved);
         return true;
@@ -325,7 +327,7 @@ static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigne
         return true;
 
     /* References */
-    case ICUB_POSITION_MOVE: /* in modes that have a trajectory generator */
+    case ICUB_POSITION_MOVE: /* only in modes with a trajectory generator */
         if (motor_axis_moves(axis)) {
             int64_t target = motor_axis_clamp_position(axis, request[0]);
 
@@ -341,7 +343,7 @@ static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigne
             axis->velocity_ns = board->boards->now_ns;
         }
         return true;
-    case ICUB_SET_ENCODER_POSITION: /* references keep their distance to the position */
+    case ICUB_SET_ENCODER_POSITION: /* references move with the position */
         change = request[0] - motor_axis_position(axis);
         axis->offset = (int32_t)control_clamp(axis->offset + change, INT32_MIN, INT32_MAX);
         axis->desired = (int32_t)control_clamp(axis->desired + change, INT32_MIN, INT32_MAX);
@@ -364,14 +366,14 @@ static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigne
             axis->desired = (int32_t)motor_axis_clamp_position(axis, request[0]);
         }
         return true;
-    case ICUB_TOGGLE_VERBOSE: /* of the serial port, which is not here */
+    case ICUB_TOGGLE_VERBOSE: /* accepted without effect: there is no serial port */
         return true;
     default:
         return false;
     }
 }
 
-/* Obeys commands that are for the board, whatever their axis bit. */
+/* Obeys a command to the whole board. Ignores the axis bit. Returns false for any other command. */
 static bool motor_board_obey(struct motor_board *motor, const struct bus_frame *frame,
                              unsigned code, const int64_t *request, int64_t *reply, bool *answer)
 {
@@ -402,7 +404,7 @@ static bool motor_board_obey(struct motor_board *motor, const struct bus_frame *
     }
 }
 
-/* Obeys a command (motor_commands.c); see struct icub_board_ops. */
+/* Obeys a command (struct icub_board_ops). */
 static bool motor_board_command(struct icub_board *icub, const struct bus_frame *frame,
                                 const int64_t *request, int64_t *reply, bool *answer)
 {
@@ -445,53 +447,53 @@ static bool motor_board_command(struct icub_board *icub, const struct bus_frame 
 }
 
 /*
- * A motor board (BLL): two axes on one address. Obeys the commands of class 0, keeps the rules of
- * the control modes, watches faults and time-outs, closes its loops every millisecond, and sends
- * the frames of class 1 in their slots.
+ * A motor board (BLL): two axes on one address. It obeys the commands of class 0 and the rules of
+ * the control modes. It checks faults and time-outs, runs its control laws every millisecond, and
+ * sends the frames of class 1 in their slots.
  *
  * Units are the protocol's: encoder ticks, PWM counts (+-1333 = +-100 % of the supply), mA, torque
  * in counts of the torque source (0x8000 = its full scale). Bridges are on in every running mode
- * but calibration, and off in idle and after a fault.
+ * except calibration. They are off in idle and after a fault.
  *
- * The references become PWM once a millisecond:
+ * Once a millisecond, the law of the mode computes the PWM from the reference:
  *
- *   voltage (open loop): the reference itself
- *   current: PID (SET_CURRENT_PID) on mA; the reference is SET_DESIRED_TORQUE, read as mA
+ *   voltage (open loop): PWM = reference
+ *   current: PID (SET_CURRENT_PID) on mA; the reference is SET_DESIRED_TORQUE, in mA
  *   torque: PID (SET_TORQUE_PID) + offset on torque counts
- *   position: PID (SET_POSITION_PID) + offset + stiction while a move is under way, on ticks; the
- *     reference moves by the trajectory generator (POSITION_MOVE), in velocity mode by the velocity
- *     reference, in mixed mode by both; in direct mode it jumps
- *   impedance (its two modes, or any position-like mode when the interaction mode is compliant):
- *     torque reference = stiffness * error + damping * change of error + offset, then as torque
+ *   position: PID (SET_POSITION_PID) + offset on ticks, + stiction during a move. The trajectory
+ *     generator (POSITION_MOVE) moves the reference. In velocity mode the velocity reference moves
+ *     it, in mixed mode both do. In direct mode the reference jumps
+ *   impedance (two modes, and all position modes with interaction mode compliant): torque reference
+ *     = stiffness * error + damping * change of error + offset, then the torque law
  *
- * Each PID is cut to its own limit, everything to the PWM limit and the full scale. Gains are zero
- * at power-up, so that a board holds nothing before the host has configured it.
+ * Each PID is limited to its own limit. The PWM is limited to the PWM limit and the full scale.
+ * Gains are zero at power-up, so an axis exerts no force until the host has configured it.
  *
- * Calibration is that of the firmware whose version the board reports: type 3 (absolute encoder)
- * takes p3 as the encoder's zero. A p2 of 0 is invalid and makes a fault.
+ * Calibration follows the firmware whose version the board reports. Type 3 (absolute encoder) uses
+ * the parameter p3 as the zero of the encoder. The value 0 of p2 is invalid and causes a fault.
  *
- * A strict board does what the firmware does even where that is odd. An axis that is to leave idle,
- * for calibration too, goes into hardware fault instead, with a PRINT that says why, unless a host
- * has stated a compatible protocol (GET_FIRMWARE_VERSION) and set all seven parameters of the
- * position PID; with require_calibration also unless it has been calibrated. It has no current
- * mode; a mode that it does not have makes a fault. The present mode again leaves the references as
- * they are. PRINT reports every change of mode.
+ * A strict board follows the firmware exactly, even where the firmware is odd. An axis leaves idle,
+ * also for calibration, only if a host has stated a compatible protocol (GET_FIRMWARE_VERSION) and
+ * set all seven parameters of the position PID. With require_calibration, every mode except
+ * calibration also requires a calibrated axis. Otherwise the axis enters hardware fault, and a
+ * PRINT gives the reason. A strict board has no current mode; an unknown mode causes a fault.
+ * Commanding the present mode keeps the references. PRINT reports every change of mode.
  *
- * A winding above the limit of SET_TEMPERATURE_LIMIT (0 = none) puts its axis into hardware fault;
- * the fault byte has no bit for it, byte 5 of STATUS has, for as long as it is too hot. A
- * thermometer without a number is reported there and stops nothing.
+ * A winding above the limit of SET_TEMPERATURE_LIMIT (0 = none) puts its axis into hardware fault.
+ * Byte 5 of STATUS reports it while the winding is too hot; the fault byte has no bit for it. A
+ * thermometer without a valid reading is reported in the same byte and stops no axis.
  *
- * STATUS bytes 4, 6 and 7 are the CAN controller's: states as they are, bus-off and overflow until
- * reported once, and of each error counter the change since the STATUS before, for hosts add these
- * up.
+ * STATUS bytes 4, 6 and 7 report the CAN controller. Byte 4 has the present states; it reports
+ * bus-off and overflow once. Bytes 6 and 7 have the change of each error counter since the last
+ * STATUS, because hosts add the changes.
  *
- * Over-current is an I2t law, as the firmware's: the motor may be above its limit by as much as
- * integral (I^2 - limit^2) dt = limit^2 * 10 ms, then the axis trips. At twice the limit that takes
- * 4 ms, at 3.4 times a single sample; the inrush of a voltage step, over within a few milliseconds,
- * passes.
+ * Over-current follows the firmware's I2t law. The axis trips when the integral of (I^2 - limit^2)
+ * over time exceeds limit^2 * 10 ms. At twice the limit this takes 4 ms. At 3.4 times the limit one
+ * sample is enough. The inrush current of a voltage step lasts a few milliseconds and does not trip
+ * the axis.
  */
 
-enum { POLICY_AT_START = 0x7f }; /* what a host usually asks for */
+enum { POLICY_AT_START = 0x7f }; /* selects the frames that hosts usually request */
 
 void motor_board_print(struct board *board, const char *text)
 {
@@ -517,7 +519,7 @@ void motor_board_print(struct board *board, const char *text)
 
 /* ---- power-up ---- */
 
-/* Fills the parameters of an axis at power-up: gains 0, limits of the rig. */
+/* Fills the parameters of an axis at power-up. Gains are 0; the rig gives the limits. */
 static void motor_axis_set_defaults(struct motor_axis *axis, const struct board_axis_config *config)
 {
     int64_t *p = axis->parameter;
@@ -535,7 +537,7 @@ static void motor_axis_set_defaults(struct motor_axis *axis, const struct board_
     if (config->joint < 0) {
         return;
     }
-    /* Limits of the rig, rounded outward to ticks */
+    /* Round the limits of the rig outward to ticks */
     control_quantize(floor(config->lower_rad * config->joint_ticks_per_rad), &limit);
     p[ICUB_P_MIN_POSITION] = limit;
     control_quantize(ceil(config->upper_rad * config->joint_ticks_per_rad), &limit);
@@ -578,7 +580,8 @@ static void motor_board_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
-/* Samples both axes (struct board_ops). Speeds are estimated from a sample a millisecond. */
+/* Samples both axes (struct board_ops). Pushes one sample per millisecond into the speed
+ * estimators. */
 static void motor_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
     (void)sensors;
@@ -587,13 +590,14 @@ static void motor_board_sample(struct board *board, const struct plant_sensors *
         double temperature = axis->base.winding_c / ICUB_TEMPERATURE_C;
 
         axis->thermometer_bad = !control_quantize(temperature, &axis->temperature);
-        /* The first sample after power-up: as if the axis had always been here */
+        /* Start the speed estimators and the position reference at the first sample after
+         * power-up */
         if (axis->base.first) {
             estimator_reset(&axis->joint, axis->base.link_ticks);
             estimator_reset(&axis->motor, axis->base.motor_ticks);
             motor_axis_hold_position(axis);
         }
-        /* In a tick of several milliseconds the sample stands for all of them */
+        /* A tick of several milliseconds has one sample: use it for each millisecond */
         for (int64_t ms = 0; ms < axis->base.passed_ms; ms++) {
             estimator_push(&axis->joint, axis->base.link_ticks);
             estimator_push(&axis->motor, axis->base.motor_ticks);
@@ -627,7 +631,8 @@ static void motor_board_shut_down(struct board *board)
     }
 }
 
-/* Stops motors and telemetry on discovery, where the rig asks for that (struct icub_board_ops). */
+/* Stops motors and telemetry on discovery if the rig sets discovery_stops_motors (struct
+ * icub_board_ops). */
 static void motor_board_discovered(struct icub_board *icub)
 {
     struct board *board = &icub->board;

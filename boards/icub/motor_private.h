@@ -8,19 +8,20 @@
 
 enum { MOTOR_AXES = 2 };
 
-/* All bits of the parameters of the position PID, ICUB_P_POSITION_KP to ..._INTEGRAL_LIMIT */
+/* One bit for each of the seven parameters of the position PID, all set */
 enum { PID_HAS_ALL = (1 << (ICUB_P_POSITION_INTEGRAL_LIMIT + 1)) - 1 };
 
 struct motor_axis {
     struct axis base;
     int64_t parameter[ICUB_P_COUNT];
-    int64_t saved[ICUB_P_SAVED]; /* contents of the flash */
-    uint8_t faults;              /* present while their cause lasts */
-    uint8_t faults_once;         /* present until STATUS reports them */
-    uint8_t pids;                /* parameters of the position PID that the host has set */
-    bool calibrated;             /* since power-up */
-    uint8_t heat;                /* ICUB_BOARD_OVER_TEMPERATURE_0 and ..._ERROR_0, for this axis */
-    bool limit_reported;         /* an event has reported the refused voltage beyond a limit */
+    int64_t saved[ICUB_P_SAVED]; /* contents of the flash: parameters below ICUB_P_SAVED */
+    uint8_t faults;              /* STATUS reports them while their cause lasts */
+    uint8_t faults_once;         /* STATUS reports them once */
+    uint8_t pids;                /* bits: parameters of the position PID that the host has set */
+    bool calibrated;             /* a calibration was completed since power-up */
+    /* ICUB_BOARD_OVER_TEMPERATURE_0 and ICUB_BOARD_TEMPERATURE_ERROR_0, for this axis */
+    uint8_t heat;
+    bool limit_reported; /* an event has reported the present stay beyond a limit */
     struct speed_estimator joint, motor;
     int32_t offset;      /* position = ticks + offset */
     int32_t temperature; /* raw counts */
@@ -28,15 +29,16 @@ struct motor_axis {
 
     int32_t desired;          /* position reference of this millisecond */
     int64_t desired_velocity; /* ramped velocity reference */
-    int64_t velocity_rest;    /* fraction of a tick */
+    int64_t velocity_rest;    /* fraction of a tick, carried to the next millisecond */
     struct trajectory trajectory;
     struct pid position_pid, torque_pid, current_pid, impedance;
     int64_t torque_reference, torque; /* counts */
-    int64_t output, pwm;              /* output of the law; PWM after the limits */
+    int64_t output, pwm;              /* output: of the law; pwm: after the limits */
 
-    int64_t voltage_ns, torque_ns, velocity_ns; /* times of the last commands */
-    int64_t source_ns;                          /* time when the torque source was selected */
-    int64_t calibrated_ns;                      /* end of the calibration */
+    /* times of the last commands, by kind of reference */
+    int64_t voltage_ns, torque_ns, velocity_ns;
+    int64_t source_ns;     /* time when the torque source was selected */
+    int64_t calibrated_ns; /* end of the calibration */
     int32_t calibration_zero;
 };
 
@@ -45,8 +47,9 @@ struct motor_board {
     struct motor_axis axis[MOTOR_AXES];
     uint32_t policy;
     int64_t status_ms;
-    uint8_t text;              /* number of the next PRINT text */
-    uint8_t can, can_reported; /* bits of STATUS byte 4: not yet reported, and last reported */
+    uint8_t text; /* number of the next PRINT text, 0 to ICUB_PRINT_TEXTS - 1 */
+    /* bits of STATUS byte 4. can: not yet reported; can_reported: already reported */
+    uint8_t can, can_reported;
     int reported_tec, reported_rec;
     bool status_due, additional_due;
     bool protocol_ack; /* the host has stated a compatible protocol */
@@ -88,8 +91,9 @@ void motor_board_print(struct board *board, const char *text);
 /* Sets the mode, even if unchanged, and resets the references (motor_axis.c). */
 void motor_axis_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode);
 
-/* Checks whether the host has done what a strict board requires before it switches an axis on:
- * stated its protocol, set the position PID, calibrated. If not, the axis enters hardware fault. */
+/* Checks what a strict board requires before an axis is switched on. The host must have stated its
+ * protocol, set the position PID and, if required, calibrated the axis. Otherwise the axis enters
+ * hardware fault and the function returns false. */
 bool motor_axis_is_owed_nothing(struct board *board, struct motor_axis *axis, bool calibrated);
 
 /* Obeys SET_CONTROL_MODE. Returns false for an unknown mode. */
@@ -100,7 +104,8 @@ bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64
 void motor_axis_hold_position(struct motor_axis *axis);
 void motor_axis_reset_references(struct board *board, struct motor_axis *axis);
 
-/* Return whether the mode uses a trajectory generator, a velocity reference, an impedance law. */
+/* Return whether the mode uses the trajectory generator, and whether it uses the velocity
+ * reference. */
 bool motor_axis_moves(const struct motor_axis *axis);
 bool motor_axis_has_velocity(const struct motor_axis *axis);
 

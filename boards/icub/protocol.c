@@ -32,7 +32,7 @@ const char *const icub_sections[] = {
 
 /* ---- commands ---- */
 
-/* Visits a command, if `request`, and its answer. */
+/* Visits a command if `request` is true, and always its answer. */
 static void visit_command(struct message_walk *walk, int index, enum icub_class cls, unsigned code,
                           const struct icub_command *row, bool axis_bit, bool request)
 {
@@ -61,7 +61,7 @@ static void visit_command(struct message_walk *walk, int index, enum icub_class 
         .slot = -1,
     };
 
-    /* The request; the answer is the same with sender and receiver exchanged */
+    /* Visit the request; its answer has sender and receiver exchanged */
     if (request) {
         message_visit(walk, &message);
     }
@@ -119,7 +119,7 @@ static void visit_frames(struct message_walk *walk, int index, const struct icub
                                          : inertial ? icub_inertial_frames
                                                     : icub_analog_frames;
 
-    /* One frame for each type in the board's table */
+    /* Visit one frame for each type in the board's table */
     for (unsigned type = 0; type < 16; type++) {
         bool periodic = inertial || type == ICUB_FORCE || type == ICUB_TORQUE;
         int64_t period_ns = !periodic ? 0 : board->period_ns > 0 ? board->period_ns : MS;
@@ -196,7 +196,7 @@ void icub_describe_channel(const struct boards_config *config, const struct mess
         return;
     }
 
-    /* Calibrated frames: offset binary over the full scale */
+    /* Only calibrated frames have a unit: offset binary over the full scale */
     subject->channel = field->index + (type == ICUB_TORQUE ? 3 : 0);
     if (board->full_scale[subject->channel] > 0.0) {
         subject->scale = board->full_scale[subject->channel] / ICUB_STRAIN_ZERO;
@@ -207,7 +207,8 @@ void icub_describe_channel(const struct boards_config *config, const struct mess
 
 /* ---- load ---- */
 
-/* STRAIN: forces and torques; inertial: the host's selection of acceleration, rate, quaternion. */
+/* Visits two frames of a STRAIN board, forces and torques, or three frames of an inertial board:
+ * acceleration, rate and quaternion, as hosts select them. */
 void icub_visit_sensor_load(struct load_walk *walk, const struct board_config *board)
 {
     bool inertial = board->kind == BOARD_INERTIAL;
@@ -276,7 +277,7 @@ bool icub_firmware(const struct board *board, struct board_firmware *firmware)
     return loader->lines > 0;
 }
 
-/* The protocol of the BLL boards, icub, as a module. */
+/* The protocol icub of the BLL boards as a module (struct protocol). */
 
 /* ---- boards ---- */
 
@@ -339,8 +340,8 @@ static void icub_describe_field(const struct boards_config *config, int bus,
     double ticks = 0.0;
 
     (void)bus;
-    /* In telemetry, the digit at the end of the field's name is the axis; the characters of a text
-     * are named c and a digit */
+    /* In telemetry, the last digit of a field's name is the axis. Names of characters in a text are
+     * c and a digit */
     if (board && board->kind == BOARD_MOTOR && message->id >> 8 != ICUB_MANAGEMENT) {
         if (field->code != MESSAGE_NO_CODE) {
             subject->axis = &board->axis[field->code >= MESSAGE_AXIS_BIT];
@@ -353,7 +354,7 @@ static void icub_describe_field(const struct boards_config *config, int bus,
         ticks = of_rotor ? subject->axis->motor_ticks_per_rad : subject->axis->joint_ticks_per_rad;
     }
 
-    /* Scale quantities by the parameters of their axis */
+    /* Express PWM counts in percent */
     if (!strcmp(subject->unit, "pwm")) {
         subject->scale = 100.0 / ICUB_PWM_FULL_SCALE;
         subject->offset = 0.0;
@@ -367,8 +368,8 @@ static void icub_describe_field(const struct boards_config *config, int bus,
 
 /* ---- load ---- */
 
-/* Visits the periodic frames of a board: POSITION, PID_VAL, CURRENT and VELOCITY, one per slot;
- * STATUS. */
+/* Visits the periodic frames of a board: STATUS, and one of POSITION, PID_VALUE, CURRENT and
+ * VELOCITY per slot. */
 static void icub_visit_board_load(struct load_walk *walk, const struct board_config *board)
 {
     if (board->kind != BOARD_MOTOR) {
@@ -381,7 +382,7 @@ static void icub_visit_board_load(struct load_walk *walk, const struct board_con
     load_visit(walk, 8, ICUB_STATUS_PERIOD_MS * 1e-3);
 }
 
-/* Visits the host's frames: one voltage per axis. */
+/* Visits the host's frames: one open-loop command per axis. */
 static void icub_visit_command_load(struct load_walk *walk)
 {
     for (unsigned i = load_bus_axes(walk); i > 0; i--) {

@@ -37,7 +37,7 @@ enum icub_motor_command {
     ICUB_SET_CONTROL_MODE = 0x09,
     ICUB_WRITE_FLASH = 0x0a,
     ICUB_READ_FLASH = 0x0b,
-    ICUB_GET_INFO = 0x0c, /* additional information, as in class 7 */
+    ICUB_GET_INFO = 0x0c, /* additional information, also available in class 7 */
     ICUB_SET_INFO = 0x0d,
     ICUB_SET_SPEED_ESTIM_SHIFT = 0x0e,
     ICUB_GET_ENCODER_POSITION = 0x14,
@@ -207,19 +207,19 @@ enum icub_board_status {
     ICUB_BOARD_TEMPERATURE_ERROR_1 = 1 << 4,
 };
 
-/* SET_TEMPERATURE_LIMIT and 2FOC temperatures are raw counts that depend on the thermometer; here a
- * count is 0.1 degree C. */
+/* Worth of a temperature count, in SET_TEMPERATURE_LIMIT and in protocol foc. On real boards it
+ * depends on the thermometer. */
 #define ICUB_TEMPERATURE_C 0.1
 
-enum { ICUB_SLOTS = 4 }; /* a BLL board sends its periodic frames in slots of 1 ms */
+enum { ICUB_SLOTS = 4 }; /* slots of 1 ms for the periodic frames of a BLL board */
 enum { ICUB_STATUS_PERIOD_MS = 5000 };
 enum {
     ICUB_PRINT_TEXTS = 4
-    /* PRINT texts have numbers modulo this; hosts drop texts with other numbers */
+    /* PRINT texts are numbered modulo this number; hosts drop texts with other numbers */
 };
 enum {
     ICUB_STRAIN_SAFE_MS = 200
-    /* time without a torque source's frame that stops a torque loop */
+    /* A torque loop stops if its torque source has sent no frame for this time */
 };
 enum { ICUB_PWM_FULL_SCALE = 1333 }; /* open-loop reference for 100 % of the supply */
 
@@ -281,12 +281,13 @@ enum icub_analog_type {
     ICUB_TORQUE = 0xb,
 };
 
-/* Class 2 of inertial boards, data[0]. They also support GET_FIRMWARE and SET_ADDRESS above. The
- * mask is little-endian, as are all numbers of these newer commands. */
+/* Class 2 of inertial boards, data[0]. These boards also support GET_FIRMWARE and SET_ADDRESS of
+ * class 2 above. Numbers are little-endian. */
 enum icub_inertial_command {
     ICUB_INERTIAL_GET_CONFIG = 0x33,
-    ICUB_INERTIAL_SET_CONFIG = 0x34, /* u16 mask, bit = sensor; u8 fusion; u32 ranges, optional */
-    ICUB_INERTIAL_TRANSMIT = 0x35,   /* u8 period in ms, 0 stops */
+    /* u16 mask with bit = sensor, u8 fusion, u32 ranges; ranges may be omitted */
+    ICUB_INERTIAL_SET_CONFIG = 0x34,
+    ICUB_INERTIAL_TRANSMIT = 0x35, /* u8 period in ms, 0 stops */
 };
 
 /* Any other value of fusion means ON. */
@@ -297,9 +298,9 @@ enum icub_inertial_sensor {
     ICUB_SENSOR_MAGNETIC = 1,
     ICUB_SENSOR_GYRO = 2,
     ICUB_SENSOR_EULER = 3,      /* roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll) */
-    ICUB_SENSOR_QUATERNION = 4, /* has its own frame type */
+    ICUB_SENSOR_QUATERNION = 4, /* sent in its own frame type */
     ICUB_SENSOR_LINEAR = 5,     /* acceleration minus gravity */
-    ICUB_SENSOR_GRAVITY = 6,    /* 9.81 m/s2 up */
+    ICUB_SENSOR_GRAVITY = 6,    /* 9.81 m/s2 up, in the sensor's axes */
     /* x: u8, two bits each for magnetometer, accelerometer, gyro and system, 3 = calibrated; y:
      * mask of sensors beyond their range; z: mask of sensors without a reading */
     ICUB_SENSOR_STATUS = 15,
@@ -316,7 +317,7 @@ enum icub_inertial_type {
 
 enum { ICUB_INERTIAL_LENGTH = 8 };
 
-/* Worth of a count (D: as the chip on iCub's boards) */
+/* Value of one count. Assumed (D): equal to the sensor chip on iCub's boards */
 #define ICUB_ACCELERATION_M_S2 0.01
 #define ICUB_MAGNETIC_UT 0.0625
 #define ICUB_INERTIAL_DEG 0.0625 /* gyro in degree/s, Euler angles in degree */
@@ -328,7 +329,7 @@ enum icub_management_command {
     ICUB_UPDATE_ADDRESS = 0x01,
     ICUB_UPDATE_RUN = 0x02,
     ICUB_UPDATE_DATA = 0x03,
-    ICUB_UPDATE_END = 0x04, /* returns to the application, which treats it as a ping */
+    ICUB_UPDATE_END = 0x04, /* leaves the bootloader; the application only acknowledges it */
     ICUB_GET_ADDITIONAL_INFO = 0x0c,
     ICUB_SET_ADDITIONAL_INFO = 0x0d,
     ICUB_SET_CAN_ADDRESS = 0x32,
@@ -336,15 +337,15 @@ enum icub_management_command {
 };
 
 enum { ICUB_INFO_LENGTH = 32, ICUB_INFO_PART = 4, ICUB_SERIAL_LENGTH = 7 };
-/* Time from power-up to the start of the application, unless a host discovers the bootloader
- * before */
+/* Time from power-up until the application starts. A host that discovers the bootloader before
+ * stops this timer */
 enum { ICUB_BOOTLOADER_MS = 5000 };
 
 enum { ICUB_BOARD_DSP = 0, ICUB_BOARD_BLL = 4, ICUB_BOARD_STRAIN = 6, ICUB_BOARD_RFE = 13 };
 enum {
     ICUB_PROTOCOL_MAJOR = 1,
     ICUB_PROTOCOL_MINOR = 6
-    /* protocol version of motor boards and hosts */
+    /* version of the motor protocol */
 };
 enum { ICUB_STRAIN_PROTOCOL_MAJOR = 1, ICUB_STRAIN_PROTOCOL_MINOR = 0 };
 

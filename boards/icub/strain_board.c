@@ -26,9 +26,10 @@ enum saturation { SATURATED_NOT, SATURATED_LOW, SATURATED_HIGH };
 
 struct strain_board {
     struct icub_board icub;
-    int32_t adc[BOARD_CHANNELS]; /* counts from zero */
-    /* Calibrated values of the last tick without a saturated channel. They are computed when
-     * needed: until then good_due is set and `good` holds the readings. */
+    int32_t adc[BOARD_CHANNELS]; /* readings, counts from zero */
+    /* held: calibrated values of the last tick without a saturated channel. They are computed only
+     * when needed, from the readings `good` of the same tick. good_due: `held` is not yet
+     * computed */
     int32_t held[BOARD_CHANNELS], good[BOARD_CHANNELS];
     bool good_due;
     uint8_t saturated[BOARD_CHANNELS]; /* enum saturation */
@@ -36,7 +37,8 @@ struct strain_board {
     int64_t period_ns, next_ns;
     int16_t matrix[BOARD_CHANNELS][BOARD_CHANNELS];
     int16_t calibration_tare[BOARD_CHANNELS], current_tare[BOARD_CHANNELS];
-    uint16_t dac[BOARD_CHANNELS], full_scale[BOARD_CHANNELS]; /* stored for the host */
+    /* stored for the host, without effect */
+    uint16_t dac[BOARD_CHANNELS], full_scale[BOARD_CHANNELS];
     uint8_t matrix_gain;
     uint8_t serial[ICUB_SERIAL_LENGTH];
     bool saved, powered;
@@ -47,12 +49,12 @@ static struct strain_board *strain_board_of(const struct board *board)
     return container_of(board, struct strain_board, icub.board);
 }
 
-/* Resets the volatile state (struct board_ops). */
+/* Resets the state that a restart loses (struct board_ops). */
 static void strain_board_power_up(struct board *board)
 {
     struct strain_board *strain = strain_board_of(board);
 
-    /* The EEPROM of a new board: serial number, identity matrix, full scales of the rig */
+    /* A new board has this EEPROM: serial number, identity matrix, full scales of the rig */
     if (!strain->powered) {
         char serial[ICUB_SERIAL_LENGTH + 1];
 
@@ -78,7 +80,7 @@ static void strain_board_power_up(struct board *board)
 
 /* ---- values ---- */
 
-/* Adds the calibration tares to readings of all channels, counts. */
+/* Adds the calibration tares to the readings of all channels, counts. */
 static void strain_board_add_calibration_tares(const struct strain_board *strain,
                                                const int32_t adc[BOARD_CHANNELS],
                                                int32_t counts[BOARD_CHANNELS])
@@ -89,7 +91,7 @@ static void strain_board_add_calibration_tares(const struct strain_board *strain
     }
 }
 
-/* Returns a row of the calibration matrix times the counts. */
+/* Returns the product of one row of the calibration matrix and the counts. */
 static int32_t strain_board_apply_matrix(const struct strain_board *strain,
                                          const int32_t counts[BOARD_CHANNELS], int channel)
 {
@@ -101,7 +103,7 @@ static int32_t strain_board_apply_matrix(const struct strain_board *strain,
     return (int32_t)control_clamp(sum / MATRIX_ONE, INT16_MIN, INT16_MAX);
 }
 
-/* Returns a calibrated channel before the current tare. */
+/* Returns a calibrated channel without the current tare. */
 static int32_t strain_board_calibrate(const struct strain_board *strain, int channel)
 {
     int32_t counts[BOARD_CHANNELS];
@@ -116,7 +118,7 @@ static int32_t strain_board_add_tare(const struct strain_board *strain, int32_t 
     return (int32_t)control_clamp(value + strain->current_tare[channel], INT16_MIN, INT16_MAX);
 }
 
-/* Returns whether counts from zero are saturated, and at which end. */
+/* Returns whether a reading is saturated, and at which end of the range. */
 static enum saturation strain_board_saturation(int32_t counts)
 {
     return counts < ICUB_STRAIN_LOW - ICUB_STRAIN_ZERO    ? SATURATED_LOW
@@ -124,8 +126,8 @@ static enum saturation strain_board_saturation(int32_t counts)
                                                           : SATURATED_NOT;
 }
 
-/* Converts a channel to counts from zero, and notes whether it, or its peak within the tick, is
- * saturated. A value that is not finite keeps the old counts. */
+/* Converts a channel to counts from zero. Checks whether the value, or its peak within the tick,
+ * saturates. A value that is not finite keeps the old counts. */
 static void strain_board_convert(struct board *board, int channel, double value, double peak)
 {
     struct strain_board *strain = strain_board_of(board);
@@ -143,7 +145,7 @@ static void strain_board_convert(struct board *board, int channel, double value,
     }
 }
 
-/* Returns whether a channel is saturated. */
+/* Returns whether any channel is saturated. */
 static bool strain_board_is_saturated(const struct strain_board *strain)
 {
     for (int i = 0; i < BOARD_CHANNELS; i++) {
@@ -154,8 +156,8 @@ static bool strain_board_is_saturated(const struct strain_board *strain)
     return false;
 }
 
-/* Calibrates the stored readings. Called before a frame is sent, not every tick, and before a
- * command changes the calibration. */
+/* Computes `held` from the readings `good` if good_due is set. Called before a frame is sent and
+ * before a command changes the calibration, instead of every tick. */
 static void strain_board_calibrate_held(struct strain_board *strain)
 {
     int32_t counts[BOARD_CHANNELS];
@@ -171,7 +173,7 @@ static void strain_board_calibrate_held(struct strain_board *strain)
     }
 }
 
-/* Converts the channels of a force-torque sensor (struct board_ops). */
+/* Converts the six channels of a force-torque sensor (struct board_ops). */
 static void strain_board_sample_ft(struct board *board, const struct plant_sensors *sensors)
 {
     const struct ft_sense *sense = &sensors->ft[board->config.ft];
@@ -182,7 +184,7 @@ static void strain_board_sample_ft(struct board *board, const struct plant_senso
     }
 }
 
-/* Converts the torques of joints (struct board_ops). */
+/* Converts the torques of up to six joints (struct board_ops). */
 static void strain_board_sample_torque(struct board *board, const struct plant_sensors *sensors)
 {
     for (int i = 0; i < BOARD_CHANNELS; i++) {
@@ -198,15 +200,16 @@ static void strain_board_sample_torque(struct board *board, const struct plant_s
 
 /* ---- commands ---- */
 
-/* Finds the channel or row that the low half of a byte selects. The high half is the regulation
- * set; this board has one. */
+/* Finds the channel or row in the low half of a byte. Returns false if it does not exist. The high
+ * half selects the regulation set; it is ignored, because this board has one set. */
 static bool strain_board_split_channel(int64_t byte, unsigned *channel)
 {
     *channel = byte & 0xf;
     return *channel < BOARD_CHANNELS;
 }
 
-/* Sets one tare, or all tares, from the function `value`. Returns false for an unknown channel. */
+/* Sets one tare to a given value, or all tares: to 0, or so that each result of `value` becomes 0.
+ * Returns false for an unknown channel. */
 static bool strain_board_set_tare(const struct strain_board *strain, int16_t *tare,
                                   const int64_t *request,
                                   int32_t (*value)(const struct strain_board *strain, int channel))
@@ -250,12 +253,12 @@ static bool strain_board_command_tare(struct strain_board *strain, const struct 
         strain->saved = strain->saved && !set;
         return set;
     }
-    /* The current tare does not belong to a regulation set */
+    /* The current tare has no regulation set, so the byte is the channel */
     return (!of_value || request[1] < BOARD_CHANNELS) &&
            strain_board_set_tare(strain, strain->current_tare, request, strain_board_calibrate);
 }
 
-/* Obeys SET and GET of the data that the EEPROM stores per channel, or per row of the matrix. */
+/* Obeys SET and GET of EEPROM data: one value per channel, or per element of the matrix. */
 static bool strain_board_command_channel(struct strain_board *strain, unsigned code,
                                          const int64_t *request, int64_t *reply)
 {
@@ -295,13 +298,13 @@ static bool strain_board_command_channel(struct strain_board *strain, unsigned c
     return true;
 }
 
-/* Obeys commands that set something. Returns false for any other command. */
+/* Obeys commands that set data. Returns false for any other command. */
 static bool strain_board_set(struct board *board, unsigned code, const int64_t *request)
 {
     struct strain_board *strain = strain_board_of(board);
 
     switch (code) {
-    /* Volatile */
+    /* Lost at a restart */
     case ICUB_STRAIN_SET_TRANSMIT_MODE:
         strain->mode = (uint8_t)request[0];
         return true;
@@ -310,7 +313,7 @@ static bool strain_board_set(struct board *board, unsigned code, const int64_t *
         strain->next_ns = board->boards->now_ns + strain->period_ns;
         return true;
 
-    /* In the EEPROM after SAVE */
+    /* Kept in the EEPROM after SAVE */
     case ICUB_STRAIN_SET_MATRIX_GAIN:
         strain->matrix_gain = (uint8_t)request[0];
         break;
@@ -322,7 +325,8 @@ static bool strain_board_set(struct board *board, unsigned code, const int64_t *
 
     case ICUB_STRAIN_SET_ADDRESS:
         return board_set_address(board, (uint8_t)request[0]);
-    case ICUB_STRAIN_SET_FILTER: /* no filter, multiplexer or amplifier is simulated */
+    /* accepted without effect: this board has no filter, multiplexer or amplifier */
+    case ICUB_STRAIN_SET_FILTER:
     case ICUB_STRAIN_SET_CHANNELS:
     case ICUB_STRAIN_CALIBRATE:
         return true;
@@ -341,7 +345,7 @@ static bool strain_board_get(struct board *board, unsigned code, const int64_t *
     int32_t counts[BOARD_CHANNELS];
 
     switch (code) {
-    /* The EEPROM */
+    /* State of the EEPROM */
     case ICUB_STRAIN_SAVE:
         strain->saved = true;
         reply[0] = 1;
@@ -350,7 +354,7 @@ static bool strain_board_get(struct board *board, unsigned code, const int64_t *
         reply[0] = strain->saved;
         return true;
 
-    /* The channels */
+    /* Values of the channels */
     case ICUB_STRAIN_GET_ADC:
         reply[0] = request[0];
         reply[1] = request[1];
@@ -370,7 +374,7 @@ static bool strain_board_get(struct board *board, unsigned code, const int64_t *
         reply[1] = strain->current_tare[request[0]];
         return true;
 
-    /* The board */
+    /* Identity of the board */
     case ICUB_STRAIN_GET_SERIAL:
         for (int i = 0; i < ICUB_SERIAL_LENGTH; i++) {
             reply[i] = strain->serial[i];
@@ -416,8 +420,8 @@ static bool strain_board_command(struct icub_board *icub, const struct bus_frame
 
 /* ---- periodic frames ---- */
 
-/* Sends three channels from `first` on. With saturation there is a seventh byte: a bit for any,
- * then two bits per channel. */
+/* Sends three channels from `first` on. With saturation there is a seventh byte: a bit for any
+ * saturated channel, then two bits per channel. */
 static void strain_board_send_frame(struct board *board, struct frame_sink *sink,
                                     enum icub_analog_type type, const int32_t *counts, int first)
 {
@@ -438,7 +442,7 @@ static void strain_board_send_frame(struct board *board, struct frame_sink *sink
     board_send(board, sink, icub_id(ICUB_PERIODIC_ANALOG, board->address, type), len, data);
 }
 
-/* Passes a sent frame to the motor boards on the bus, which use its torques in their loops (struct
+/* Passes a sent frame to the motor boards on the bus, because they use its torques (struct
  * board_ops). */
 static void strain_board_sent(struct board *board, const struct bus_frame *frame)
 {
@@ -457,7 +461,7 @@ static void strain_board_transmit(struct board *board, struct ms_span span, stru
     int32_t counts[BOARD_CHANNELS];
 
     (void)span;
-    /* Keep the readings unless a channel is saturated */
+    /* Store the readings for `held`, unless a channel is saturated */
     if (!strain_board_is_saturated(strain)) {
         memcpy(strain->good, strain->adc, sizeof strain->good);
         strain->good_due = true;
@@ -476,7 +480,7 @@ static void strain_board_transmit(struct board *board, struct ms_span span, stru
     }
 }
 
-/* Functions common to both kinds */
+/* Functions that force-torque and pseudo-STRAIN boards share */
 #define STRAIN_BOARD(function)                                                                     \
     {                                                                                              \
         .base = {.identity = {.type = ICUB_BOARD_STRAIN, .major = 3, .minor = 0, .build = 5},      \

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The rows of protocol icub. Lengths and byte orders follow the official message tables of motor
- * and sensor boards. Where two lengths are allowed, the fields need the shorter one and common
- * hosts send the longer one.
+ * and sensor boards. Some requests have two valid lengths: the fields need the shorter one, and
+ * common hosts send the longer one.
  */
 #include "boards/icub/table.h"
 
@@ -208,8 +208,8 @@ const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS] = {
 static const struct field channel[] = {U8_IN("channel", 0, 5), {.type = FIELD_END}};
 static const struct field channel_signed[] = {
     U8_IN("channel", 0, 5), I16_BE("value", NULL), {.type = FIELD_END}};
-/* In EEPROM commands, the high half of the byte that selects a channel or row is the regulation
- * set; the board splits the byte */
+/* The selecting byte of an EEPROM command has two halves: regulation set (high), channel or row
+ * (low). The board splits it */
 static const struct field channel_of_set[] = {U8("channel", NULL), {.type = FIELD_END}};
 static const struct field channel_of_set_value[] = {
     U8("channel", NULL), U16_BE("value", NULL), {.type = FIELD_END}};
@@ -326,8 +326,8 @@ const struct icub_frame_type icub_inertial_frames[16] = {
 
 static const struct field update_ok[] = {U8("ok", NULL), {.type = FIELD_END}};
 
-/* Lengths of a download follow the DSP boards, or are longer, because other boards select memory
- * pages. */
+/* The shortest length of a download frame is the length for DSP boards. Longer frames are valid,
+ * because other boards add a memory page. */
 static const struct {
     uint8_t code;
     struct icub_command row;

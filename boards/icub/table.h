@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Every message of protocol icub as a table: code, exact lengths, fields. Boards decode requests
- * and build replies and periodic frames from these rows; the DBC export uses the same rows.
+ * Every message of protocol icub as a table row: code, exact lengths, fields. Boards use the rows
+ * to decode requests and to build replies and periodic frames. The DBC export uses the same rows.
  * Immutable; RT-safe.
  *
- * Fields follow each other without gaps: from byte 1 in commands (byte 0 is the command), from byte
- * 0 in periodic frames. Lengths count every byte.
+ * Fields follow each other without gaps. They begin at byte 1 in commands (byte 0 is the command)
+ * and at byte 0 in periodic frames. Lengths include all bytes.
  */
 #ifndef BOARDS_ICUB_TABLE_H
 #define BOARDS_ICUB_TABLE_H
@@ -13,13 +13,14 @@
 #include "boards/field.h"
 #include "boards/icub/protocol.h"
 
-/* The parameters of a motor axis that a host can set. Parameters of one message are neighbors. */
+/* Parameters of a motor axis that a host can set. The parameters that one message sets or gets have
+ * consecutive numbers. */
 enum icub_parameter {
     ICUB_P_POSITION_KP, /* PWM counts per tick, before the right shift */
     ICUB_P_POSITION_KI,
     ICUB_P_POSITION_KD,
     ICUB_P_POSITION_SHIFT,
-    ICUB_P_POSITION_OFFSET, /* PWM counts; so are all limits and stictions */
+    ICUB_P_POSITION_OFFSET, /* PWM counts; also the unit of all limits and stictions */
     ICUB_P_POSITION_LIMIT,
     ICUB_P_POSITION_INTEGRAL_LIMIT,
     ICUB_P_POSITION_STICTION_UP,
@@ -49,9 +50,9 @@ enum icub_parameter {
     ICUB_P_JOINT_ACCELERATION_SHIFT,
     ICUB_P_MOTOR_SPEED_SHIFT,
     ICUB_P_MOTOR_ACCELERATION_SHIFT,
-    ICUB_P_TORQUE_SOURCE, /* address of a STRAIN board; 0 = the axis's own torque sensor */
+    ICUB_P_TORQUE_SOURCE, /* address of a STRAIN board; 0 = torque sensor of the axis */
     ICUB_P_TORQUE_CHANNEL,
-    /* Stored and returned to the host; our control laws do not use them */
+    /* Stored for the host; our control laws do not use them */
     ICUB_P_TORQUE_STICTION_UP,
     ICUB_P_TORQUE_STICTION_DOWN,
     ICUB_P_BEMF,
@@ -61,8 +62,8 @@ enum icub_parameter {
     ICUB_P_KFF,
     ICUB_P_TORQUE_FILTER,
     ICUB_P_TEMPERATURE_LIMIT,
-    ICUB_P_I2T,                    /* seven bytes */
-    ICUB_P_SAVED = ICUB_P_I2T + 7, /* WRITE_FLASH saves the parameters above */
+    ICUB_P_I2T,                    /* I2t parameters, seven bytes */
+    ICUB_P_SAVED = ICUB_P_I2T + 7, /* WRITE_FLASH saves all parameters before this one */
     /* References */
     ICUB_P_DESIRED_POSITION = ICUB_P_SAVED, /* ticks */
     ICUB_P_DESIRED_VELOCITY,                /* ticks/ms * 2^velocity shift */
@@ -77,26 +78,26 @@ enum icub_kind {
     ICUB_NO_COMMAND = 0,
     ICUB_SET, /* stores the request's fields in parameter, parameter + 1, ... */
     ICUB_GET, /* fills the reply's fields from parameter, parameter + 1, ... */
-    ICUB_DO,  /* the board has its own code for the command */
+    ICUB_DO,  /* the board handles the command in its own code */
 };
 
 struct icub_command {
     const char *name;
     enum icub_kind kind;
     enum icub_parameter parameter;    /* used by ICUB_SET and ICUB_GET */
-    uint8_t request_min, request_max; /* length of the request; usually equal */
+    uint8_t request_min, request_max; /* shortest and longest valid request */
     uint8_t reply_length;             /* 0 = no reply */
     const struct field *request;      /* NULL = no fields */
     const struct field *reply;
 };
 
 struct icub_frame_type {
-    const char *name; /* NULL = no such type */
+    const char *name; /* NULL = the type does not exist */
     uint8_t length;
     const struct field *fields;
 };
 
-/* names of enum icub_mode, and of board types in class 7 */
+/* Names of enum icub_mode, and of the board types in class 7 */
 extern const struct field_value icub_mode_names[], icub_board_names[];
 
 extern const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS];     /* class 0 */
@@ -106,7 +107,7 @@ extern const struct icub_command icub_inertial_commands[ICUB_STRAIN_COMMANDS]; /
 extern const struct icub_frame_type icub_analog_frames[16];                    /* class 3 */
 extern const struct icub_frame_type icub_inertial_frames[16];                  /* class 5 */
 
-/* Returns a row of class 7; NULL = no such command. */
+/* Returns the row of a class 7 command; NULL = no such command. */
 const struct icub_command *icub_management_command(uint8_t code);
 
 #endif
