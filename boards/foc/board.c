@@ -9,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Sets the integer gains in the scale of the bus. Half of ki is used. */
+/* Sets the integer gains of a law, in the scale of the bus. The law uses half of ki. */
 static void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
 {
     law->kp = kp;
@@ -17,8 +17,8 @@ static void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shi
     law->shift = shift;
 }
 
-/* Sets one gain (enum foc_law_gain) from a float. Returns false for an unknown gain or one that is
- * too large. All gains share the largest shift at which their mantissas fit into 15 bits. */
+/* Sets one gain (enum foc_law_gain) from a float. Returns false for an unknown gain, or for a gain
+ * that is too large. All gains of a law share the largest shift at which they fit into 15 bits. */
 static bool foc_law_set_gain(struct foc_law *law, unsigned which, double value)
 {
     double gain[FOC_LAW_GAINS] = {law->gain[FOC_LAW_KP], law->gain[FOC_LAW_KI]};
@@ -37,8 +37,8 @@ static bool foc_law_set_gain(struct foc_law *law, unsigned which, double value)
     return true;
 }
 
-/* Adds one step of a law to a voltage v, limited to +-most Vq. before: the error of the last step.
- * Returns Vq. */
+/* Advances a law by one step and adds its change to the voltage v. Limits v to +-most, in Vq.
+ * *before: error of the last step, replaced by `error`. Returns v in Vq. */
 static int64_t foc_law_add(const struct foc_law *law, int64_t *v, int64_t *before, int64_t error,
                            int64_t most)
 {
@@ -49,13 +49,13 @@ static int64_t foc_law_add(const struct foc_law *law, int64_t *v, int64_t *befor
     return *v >> law->shift;
 }
 
-/* One millisecond; returns Vq. */
+/* Advances a law by one millisecond. Returns Vq. */
 static int64_t foc_law_step(struct foc_law *law, int64_t error)
 {
     return foc_law_add(law, &law->v, &law->error, error, FOC_VQ_MAX);
 }
 
-/* Returns a voltage after the current limiter, Vq. */
+/* Limits the current: returns vq, plus the voltage that keeps the current at its peak. */
 static int64_t foc_limiter_step(struct foc_board *foc, int64_t vq, int64_t current_ma)
 {
     struct foc_limiter *limiter = &foc->limiter;
@@ -78,7 +78,7 @@ static int64_t foc_limiter_step(struct foc_board *foc, int64_t vq, int64_t curre
     return vq + change;
 }
 
-/* One millisecond of the position law; returns Vq. */
+/* Advances the position law by one millisecond. Returns Vq. */
 static int64_t foc_position_step(struct foc_position_law *law, double error)
 {
     const double *gain = law->gain;
@@ -100,12 +100,12 @@ enum kind { LAW_CURRENT, LAW_SPEED, LAW_POSITION, NOMINAL_CURRENT, PEAK_CURRENT 
 
 enum { LIMIT_MAX_MA = 32767 };
 
-#define LAW_MAX 32767.0 /* foc_law_set_gain */
+#define LAW_MAX 32767.0 /* limit of foc_law_set_gain */
 
 static const struct {
     const char *name;
     enum kind kind;
-    unsigned which; /* gain of a law */
+    unsigned which; /* which gain of the law */
 } rows[] = {
     {"current_kp", LAW_CURRENT, FOC_LAW_KP},
     {"current_ki", LAW_CURRENT, FOC_LAW_KI},
@@ -169,11 +169,11 @@ static const struct board_settings foc_settings = {
     .set = foc_setting_set,
 };
 
-/* Obeys each command of class 0 and DESIRED_TARGETS on a 2FOC board. */
+/* Commands of class 0 and DESIRED_TARGETS on a 2FOC board. */
 
 enum { TOLERANCE = 36 }; /* tolerance of the encoder, 0.1 deg */
 
-/* Reset the references; the second function also sets the mode, even if unchanged. */
+/* Resets the references of the laws. */
 static void foc_board_forget_references(struct foc_board *foc)
 {
     foc->target = foc->speed_ma = 0;
@@ -211,7 +211,8 @@ static bool foc_board_command_mode(struct board *board, int64_t mode)
     if (!stop && !voltage && !(current && !board->config.axis[0].valve)) {
         return false;
     }
-    /* Not configured: ignored; in fault: only FORCE_IDLE, which clears it */
+    /* A board that is not configured ignores the command. In a fault, only FORCE_IDLE has an
+     * effect: it clears the fault */
     if (foc->axis.mode == ICUB_MODE_NOT_CONFIGURED) {
         return true;
     }
@@ -237,7 +238,8 @@ static float foc_get_float(const uint8_t *data)
     return value;
 }
 
-/* Obeys SET_CURRENT_PID or SET_VELOCITY_PID: one gain as a float, or all as integers. */
+/* Obeys SET_CURRENT_PID or SET_VELOCITY_PID: sets one gain from a float, or all gains from
+ * integers. Returns false if it refuses the command. */
 static bool foc_board_command_law(struct foc_board *foc, const struct bus_frame *frame,
                                   const int64_t *request)
 {
@@ -259,7 +261,8 @@ static bool foc_board_command_law(struct foc_board *foc, const struct bus_frame 
     return true;
 }
 
-/* Obeys SET_PID: one parameter of a loop as a float. */
+/* Obeys SET_PID: sets one parameter of a loop from a float. Returns false if it refuses the
+ * command. */
 static bool foc_board_command_pid(struct foc_board *foc, const struct bus_frame *frame,
                                   const int64_t *request)
 {
@@ -274,7 +277,7 @@ static bool foc_board_command_pid(struct foc_board *foc, const struct bus_frame 
         foc->position_law.gain[which] = (double)value;
         return true;
     case FOC_LOOP_CURRENT:
-        /* The other parameters have no meaning in a PI law with fixed limits */
+        /* Other parameters have no effect: the law is a PI law with fixed limits */
         foc->current_set = true;
         return which > FOC_PID_KI ||
                foc_law_set_gain(&foc->current, which - FOC_PID_KP, (double)value);
@@ -286,7 +289,7 @@ static bool foc_board_command_pid(struct foc_board *foc, const struct bus_frame 
     }
 }
 
-/* Obeys a configuration command. Returns false when it is refused. */
+/* Obeys a configuration command. Returns false if it refuses the command. */
 static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *frame,
                                 const int64_t *request)
 {
@@ -296,7 +299,7 @@ static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *f
         return foc_board_command_law(foc, frame, request);
     case FOC_SET_PID:
         return foc_board_command_pid(foc, frame, request);
-    case FOC_SET_CURRENT_LIMIT: /* nominal, peak and overload, or the peak alone */
+    case FOC_SET_CURRENT_LIMIT: /* 8 bytes: nominal, peak and overload; 5 bytes: peak only */
         if (frame->len != 5 && frame->len != 8) {
             return false;
         }
@@ -304,7 +307,7 @@ static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *f
         foc->nominal_ma = frame->len == 5 ? foc->peak_ma / 2 : request[0];
         foc->overload_ma = frame->len == 5 ? 20000 : request[2];
         return true;
-    case FOC_SET_MOTOR_CONFIG: /* the motor's sensors, resolution, poles */
+    case FOC_SET_MOTOR_CONFIG: /* sensors, encoder resolution and poles of the motor */
         foc->flags = (uint8_t)request[0];
         foc->resolution = request[1];
         foc->index_offset = request[2];
@@ -312,7 +315,8 @@ static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *f
         foc->tolerance = frame->len == 8 ? request[4] : TOLERANCE;
         foc->motor_set = true;
         foc->encoder &= (uint8_t)~FOC_QE_NOT_CALIBRATED;
-        /* With Hall sensors there is no index; with an index the encoder waits for its pulse */
+        /* With Hall sensors there is no index. With an index, the encoder is calibrated at the
+         * index pulse */
         if (foc->flags & FOC_HAS_HALL) {
             foc->flags &= (uint8_t) ~(FOC_HAS_INDEX | FOC_HAS_TEMPERATURE);
         }
@@ -329,14 +333,14 @@ static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *f
         }
         foc->motor_parameter[request[0]] = foc_get_float(frame->data + 2);
         return true;
-    case ICUB_SET_I2T: /* here set by the current limits */
+    case ICUB_SET_I2T: /* no effect: the current limits define the I2t law */
         return true;
     default:
         return false;
     }
 }
 
-/* Sets the target in the units of the mode, limited to its range. */
+/* Sets the set point in the unit of the mode, limited to the mode's range. */
 static void foc_board_set_target(struct foc_board *foc, int64_t target)
 {
     switch (foc->axis.mode) {
@@ -387,7 +391,7 @@ static bool foc_board_answer(struct board *board, unsigned code, const int64_t *
     }
 }
 
-/* Enters idle when the configuration is complete. */
+/* Enters idle if the configuration is complete. */
 static void foc_board_idle_when_configured(struct board *board)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -395,7 +399,7 @@ static void foc_board_idle_when_configured(struct board *board)
     if (foc->axis.mode == ICUB_MODE_NOT_CONFIGURED && foc->compatible && foc->motor_set &&
         foc->current_set && foc->peak_ma != 0) {
         foc_board_set_mode(board, ICUB_MODE_IDLE);
-        /* reports the change once without a request */
+        /* report the change once, without a request */
         foc->answers += foc->answers < FOC_ANSWERS_MAX;
     }
 }
@@ -409,25 +413,25 @@ static bool foc_board_command(struct icub_board *icub, const struct bus_frame *f
     unsigned code = frame->data[0];
     bool obeyed;
 
-    /* Queries, answered in any mode */
+    /* Answer queries in any mode */
     (void)answer;
     if (foc_board_answer(board, code, request, reply)) {
         foc_board_idle_when_configured(board);
         return true;
     }
 
-    /* Commands that change the board or its axis */
+    /* Obey commands that change the board or its axis */
     if (code == ICUB_SET_BOARD_ID) {
         return !foc_runs(foc->axis.mode) && board_set_address(board, (uint8_t)request[0]);
     }
     if (!foc->compatible) {
-        return false; /* a host must state its protocol first */
+        return false; /* the host must first state a compatible protocol */
     }
 
     switch (code) {
     case FOC_SET_CONTROL_MODE:
         return foc_board_command_mode(board, request[0]);
-    /* sets the target as DESIRED_TARGETS does, only in the matching mode */
+    /* Set the set point as DESIRED_TARGETS does, if the mode uses it */
     case ICUB_SET_OPEN_LOOP:
         obeyed = foc->axis.mode == ICUB_MODE_OPEN_LOOP;
         break;
@@ -447,8 +451,8 @@ static bool foc_board_command(struct icub_board *icub, const struct bus_frame *f
     return obeyed;
 }
 
-/* Obeys DESIRED_TARGETS. Any such frame resets the watchdog. A frame without this board's target
- * gets no answer. */
+/* Obeys DESIRED_TARGETS. Every frame resets the watchdog. A frame without a target for this board
+ * gets no answer. Returns false for such a frame. */
 static bool foc_board_targets(struct icub_board *icub, const struct bus_frame *frame)
 {
     struct board *board = &icub->board;
@@ -468,11 +472,11 @@ static bool foc_board_targets(struct icub_board *icub, const struct bus_frame *f
 }
 
 /*
- * A 2FOC board: one motor, one answer to each DESIRED_TARGETS. Its modes, checks and faults follow
- * the firmware; its control laws are in boards/foc/private.h.
+ * A 2FOC board: one motor. It sends one answer to each DESIRED_TARGETS. Modes, checks and faults
+ * follow the firmware. boards/foc/private.h describes the control laws.
  */
 
-/* Latches faults, with an event for new ones, and enters hardware fault. */
+/* Latches faults, reports new faults as an event, and enters hardware fault. */
 static void foc_board_raise_faults(struct board *board, uint32_t faults)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -487,7 +491,7 @@ static void foc_board_raise_faults(struct board *board, uint32_t faults)
     }
 }
 
-/* Resets the board to the firmware's defaults, not configured (struct board_ops). */
+/* Resets the board to the defaults of the firmware, in mode not configured (struct board_ops). */
 static void foc_board_power_up(struct board *board)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -495,7 +499,7 @@ static void foc_board_power_up(struct board *board)
     const struct foc_board fresh = {
         .icub = foc->icub,
         .axis.mode = ICUB_MODE_NOT_CONFIGURED,
-        .speed = {.kp = 0x0c, .ki = 0x08, .shift = 0x0a}, /* the firmware's gains */
+        .speed = {.kp = 0x0c, .ki = 0x08, .shift = 0x0a}, /* default gains of the firmware */
         .target_ns = board->boards->now_ns,
         .status_ms = INT64_MIN / 2,
         .additional_ms = INT64_MIN / 2,
@@ -509,8 +513,8 @@ static void foc_board_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
-/* Samples the sensors (struct board_ops). Converts the rotor encoder to icubdeg; the speed is a
- * running mean over milliseconds. A reading that is not finite keeps its old value. */
+/* Samples the sensors (struct board_ops). Converts the rotor encoder to icubdeg. The speed is a
+ * running mean with one step per tick. Without a finite reading, a value stays as it is. */
 static void foc_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -528,7 +532,7 @@ static void foc_board_sample(struct board *board, const struct plant_sensors *se
                      &position);
     control_quantize(floor((double)axis->motor_ticks / ticks_per_rev), &turn);
 
-    /* The encoder is calibrated after its index pulse, once a revolution */
+    /* An index pulse, once a revolution, calibrates the encoder */
     if (!foc->started) {
         foc->position_before = foc->start = position;
         foc->started = true;
@@ -556,7 +560,7 @@ static int64_t foc_board_current_ma(const struct foc_board *foc)
 
 /* ---- faults ---- */
 
-/* Steps the firmware's I2t law once a millisecond. At the peak current an axis trips after 10.24
+/* Advances the firmware's I2t law by one millisecond. At the peak current an axis trips after 10.24
  * s. */
 static void foc_board_watch_i2t(struct board *board)
 {
@@ -574,7 +578,8 @@ static void foc_board_watch_i2t(struct board *board)
     }
 }
 
-/* Checks set-point, current, supply, encoder and winding of a running motor and raises faults. */
+/* Checks the age of the set point, current, supply, encoder and winding of a running motor. Raises
+ * faults. */
 static void foc_board_watch_faults(struct board *board)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -584,14 +589,14 @@ static void foc_board_watch_faults(struct board *board)
         return;
     }
 
-    /* Has the host sent DESIRED_TARGETS in time? */
+    /* The set point expires without DESIRED_TARGETS */
     if (board->boards->now_ns - foc->target_ns > (int64_t)FOC_TARGET_TIMEOUT_MS * MS) {
         board->boards->counters.timeouts++;
         board_event(board, BOARD_EVENT_TIMEOUT, 0, foc->axis.mode, 0);
         faults |= FOC_FAULT_SET_POINT_EXPIRED;
     }
 
-    /* The hardware: current, supply, encoder, winding */
+    /* Hardware faults: current, supply, encoder, winding */
     if (foc->overload_ma > 0 && fabs(foc->axis.current_a) * 1e3 > (double)foc->overload_ma) {
         board->boards->counters.trips++;
         faults |= FOC_FAULT_OVER_CURRENT;
@@ -614,7 +619,7 @@ static void foc_board_watch_faults(struct board *board)
 
 /* ---- control laws, once a millisecond ---- */
 
-/* Computes the voltage of this millisecond by the law of the mode. */
+/* Computes the voltage of this millisecond with the law of the mode. */
 static void foc_board_step_laws(struct foc_board *foc)
 {
     int64_t vq, current_ma = foc_board_current_ma(foc), error = foc->target - foc->velocity;
@@ -633,7 +638,7 @@ static void foc_board_step_laws(struct foc_board *foc)
                               (double)foc->target - ((double)foc->position - foc->start)),
             current_ma);
         break;
-    case ICUB_MODE_SPEED_CURRENT: /* an incremental PI gives the current */
+    case ICUB_MODE_SPEED_CURRENT: /* a PI law computes the current reference */
         foc->speed_ma += (error - foc->speed.error) * 16 + error + foc->speed.error;
         foc->speed_ma = control_clamp(foc->speed_ma, -foc->peak_ma, foc->peak_ma);
         foc->speed.error = error;
@@ -683,9 +688,9 @@ static void foc_board_send_frame(struct board *board, struct frame_sink *sink, e
                foc_frames[type].length, data);
 }
 
-/* Sends FOC, and when they are due STATUS and ADDITIONAL_STATUS, for each DESIRED_TARGETS (struct
- * board_ops). Nothing comes unasked: the loader of this family takes any frame of type C for an
- * acknowledgment. */
+/* For each DESIRED_TARGETS, sends FOC, and also STATUS and ADDITIONAL_STATUS if they are due
+ * (struct board_ops). Sends nothing else: the loader program of these boards would take a frame of
+ * type C as an acknowledgment. */
 static void foc_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -699,8 +704,8 @@ static void foc_board_transmit(struct board *board, struct ms_span span, struct 
     int64_t period_ms = board->config.status_period_ns / MS;
     int64_t additional_ms = foc_additional_status_ms(board->address);
 
-    /* Lost frames and errors of the CAN controller, none of which stops the motor. Some bits remain
-     * until the faults are cleared */
+    /* Report lost frames and errors of the CAN controller. They do not stop the motor. The bits for
+     * past errors remain until the faults are cleared */
     if (board->lost_in_status) {
         foc->faults |= FOC_FAULT_CAN_OVERRUN;
         board->lost_in_status = board->lost_in_overflow = false;
@@ -708,7 +713,7 @@ static void foc_board_transmit(struct board *board, struct ms_span span, struct 
     foc->faults |= (rx_warns || tx_warns ? FOC_FAULT_CAN_WAS_WARNING : 0u) |
                    (rx_passive ? FOC_FAULT_CAN_RX_WAS_PASSIVE : 0u) |
                    (tx_passive ? FOC_FAULT_CAN_TX_WAS_PASSIVE : 0u);
-    /* STATUS comes at the rig's rate, ADDITIONAL_STATUS if there is a thermometer */
+    /* STATUS has the rig's period. ADDITIONAL_STATUS is sent only with a thermometer */
     for (; foc->answers > 0; foc->answers--) {
         foc_board_send_frame(
             board, sink, FOC_FEEDBACK,

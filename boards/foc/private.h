@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The control laws and the state of a 2FOC board, in the integers of its firmware. Units are those
- * of the protocol. RT-safe.
+ * The control laws and the state of a 2FOC board. The laws use the integers of the firmware. Units
+ * are the protocol's. RT-safe.
  *
- * One difference from the firmware: its inner loops run at 20 to 40 kHz, ours once a millisecond,
- * the resolution of the plant's voltage. The gains of the current loop must suit this rate. Let a =
- * exp(-1 ms R / L) for a winding R at the supply U. A motor at rest then has its pole at 1 - g when
+ * The inner loops of the firmware run at 20 to 40 kHz. Here they run once a millisecond, because
+ * the plant's voltage has this resolution. The gains of the current loop must suit this rate. For a
+ * winding with R and L at the supply U, let a = exp(-1 ms R / L). Choose the gains so that
  * (kp - ki/2) / (kp + ki/2) = a and kp + ki/2 = g R / ((1 - a) U), in thousandths of the supply per
- * mA. Above g = 1 the loop rings; from g = 2 it is unstable. Without back-EMF feed-forward, an
- * accelerating motor has a constant current error.
+ * mA. The current loop of a motor at rest then has its pole at 1 - g. Above g = 1 the loop rings;
+ * from g = 2 on it is unstable. Without back-EMF feed-forward, an accelerating motor has a constant
+ * current error.
  *
  * The voltage Vq is in thousandths of the supply, at most 950 as in the firmware's PWM.
  */
@@ -18,28 +19,29 @@
 #include "boards/foc/table.h"
 #include "boards/icub/board.h"
 
-enum { FOC_VQ_MAX = 950, FOC_VQ_SHIFT = 5 /* shift between Vq and the +-32000 of the bus */ };
+/* shift: between Vq and the scale +-32000 of the bus */
+enum { FOC_VQ_MAX = 950, FOC_VQ_SHIFT = 5 };
 
 enum foc_law_gain { FOC_LAW_KP, FOC_LAW_KI, FOC_LAW_GAINS };
 
 /* An incremental PI law: v += kp (e - e') + ki (e + e'), with kp and ki scaled by a left shift. */
 struct foc_law {
     int64_t kp, ki, shift;
-    double gain[FOC_LAW_GAINS]; /* gains as set by the host, from floats or integers */
+    double gain[FOC_LAW_GAINS]; /* gains that the host has set, from floats or integers */
     int64_t v, error;
 };
 
-/* The current limiter of the modes whose output is a voltage. It adds the voltage that holds the
+/* The current limiter for modes whose output is a voltage. It adds the voltage that keeps the
  * current at its peak. */
 struct foc_limiter {
-    int64_t side; /* +1 or -1 while limiting */
+    int64_t side; /* sign of the limited current; 0 = not limiting */
     int64_t v, error;
 };
 
-/* A position PID in floating point, with output +-32000. An output or integral limit of 0 means
- * full scale. */
+/* A position PID in floating point; output +-32000. A limit of 0 for output or integral means full
+ * scale. */
 struct foc_position_law {
-    double gain[FOC_PID_STICTION_DOWN + 1]; /* indexed by enum foc_pid_parameter */
+    double gain[FOC_PID_STICTION_DOWN + 1]; /* index: enum foc_pid_parameter */
     double integral, error;
 };
 
@@ -58,25 +60,26 @@ struct foc_board {
     int64_t temperature_limit; /* raw counts; 0 = none */
     struct foc_law current, speed;
     struct foc_position_law position_law;
-    float motor_parameter[FOC_MOTOR_MAX_VELOCITY + 1]; /* stored for the host only */
+    /* stored for the host, without effect */
+    float motor_parameter[FOC_MOTOR_MAX_VELOCITY + 1];
 
-    int64_t target;   /* last command in the present mode */
-    int64_t speed_ma; /* current reference in SPEED_CURRENT */
+    int64_t target;   /* last set point in the present mode, in its unit */
+    int64_t speed_ma; /* current reference in mode SPEED_CURRENT */
     struct foc_limiter limiter;
     int64_t vq;
-    int32_t start; /* position when the mode began */
+    int32_t start; /* position at the start of the mode */
 
     int64_t i2t; /* mA^2 ms / 1024 */
     int64_t target_ns;
 
     int32_t position, velocity; /* icubdeg, icubdeg/ms */
     int32_t position_before;    /* position one millisecond ago */
-    int32_t turn;               /* whole revolutions, to detect the index pulse */
+    int32_t turn;               /* whole revolutions; a change is an index pulse */
     int32_t temperature;        /* raw counts */
     bool started;
 
     unsigned answers;
-    int64_t status_ms, additional_ms; /* time of the last frame */
+    int64_t status_ms, additional_ms; /* times of the last frames */
 };
 
 static inline struct foc_board *foc_board_of(const struct board *board)

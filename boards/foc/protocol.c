@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Protocol foc of the 2FOC boards as a module: the differences from icub. */
+/* Protocol foc of the 2FOC boards as a module (struct protocol): the differences from icub. */
 #include "boards/foc/private.h"
 #include "boards/icub/messages.h"
 #include "boards/protocol_list.h"
@@ -26,7 +26,7 @@ static uint32_t foc_cycle_ns(const struct board_config *board, unsigned type)
                                                                 : (uint32_t)MS;
 }
 
-/* Visits DISCOVER, and DESIRED_TARGETS, which has a target for each of four addresses. */
+/* Visits DISCOVER and DESIRED_TARGETS. DESIRED_TARGETS has targets for four addresses. */
 static void foc_visit_broadcasts(struct message_walk *walk)
 {
     const struct message targets = {
@@ -71,7 +71,8 @@ static void foc_describe_field(const struct boards_config *config, int bus,
     const struct board_config *board = icub_message_board(config, field->message);
     double rotor;
 
-    /* A field of DESIRED_TARGETS belongs to an address, other fields to the board's own motor */
+    /* A field of DESIRED_TARGETS belongs to the axis at an address. Any other field belongs to the
+     * board's own axis */
     for (size_t i = 0; i < config->nboard && !board; i++) {
         const struct board_config *at = &config->board[i];
 
@@ -114,7 +115,7 @@ static void foc_visit_board_load(struct load_walk *walk, const struct board_conf
     load_visit(walk, FOC_ADDITIONAL_STATUS_LENGTH, foc_additional_status_ms(board->address) * 1e-3);
 }
 
-/* Visits DESIRED_TARGETS, once a tick (struct protocol). */
+/* Visits DESIRED_TARGETS, which the host sends once a tick (struct protocol). */
 static void foc_visit_command_load(struct load_walk *walk)
 {
     if (load_bus_axes(walk) > 0) {
@@ -134,7 +135,7 @@ static const char *const foc_fault_names[] = {
 const struct protocol protocol_foc = {
     .name = "foc",
     .summary = "iCub 2FOC motor boards, one axis an address, 1 kHz",
-    .motor_address_max = FOC_AXES_MAX, /* only these have a target */
+    .motor_address_max = FOC_AXES_MAX, /* only these addresses have a target */
     .address_max = ICUB_ADDRESS_MAX,
     .axes_max = 1,
     .torque_boards = true,

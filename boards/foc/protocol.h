@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The iCub CAN protocol, protocol foc (2FOC boards): one motor per address, targets and telemetry
- * every millisecond. Boards and hosts share it; it has no behavior and is RT-safe. Identifiers,
- * classes, modes, class 7 and the STRAIN boards on the same bus are those of
- * boards/icub/protocol.h; this file has the differences. Numbers are little-endian.
+ * every millisecond. Boards and hosts share it; it has no behavior and is RT-safe.
+ * boards/icub/protocol.h defines identifiers, classes, modes, class 7 and the STRAIN boards on the
+ * same bus. This file has the differences. Numbers are little-endian.
  *
  * The host sends DESIRED_TARGETS: four i16, one for each of the addresses 1 to 4. The mode of the
  * addressed board defines the meaning of its target:
@@ -20,15 +20,15 @@
  * GET_FIRMWARE_VERSION with exactly the protocol 1.6, SET_MOTOR_CONFIG, SET_CURRENT_LIMIT with a
  * peak above 0, and SET_CURRENT_PID. GET_FIRMWARE_VERSION must come first: without it the others
  * are refused. No command is acknowledged; STATUS reports the mode. From idle, SET_CONTROL_MODE
- * selects one of the modes above; from such a mode, another one or idle. Each change sets the set
- * points to 0.
+ * selects one of the modes above. From one of these modes, it selects another or idle. Each change
+ * resets the set points to 0.
  *
  * An icubdeg is 1/65536 of a revolution of the ROTOR, before the gear: with a gear of 100, 1 rad at
  * the link is 1043038 icubdeg. Every board answers each DESIRED_TARGETS with one FOC and one STATUS
  * frame (the rig can lower the rate of STATUS). If SET_MOTOR_CONFIG says that there is a
  * thermometer, some answers also have ADDITIONAL_STATUS. The set point expires 50 ms after the last
- * DESIRED_TARGETS. This is a fault with the mode ICUB_MODE_HARDWARE_FAULT; ICUB_MODE_FORCE_IDLE
- * leaves it.
+ * DESIRED_TARGETS. The board then enters ICUB_MODE_HARDWARE_FAULT. The host clears the fault with
+ * SET_CONTROL_MODE and ICUB_MODE_FORCE_IDLE.
  *
  *   id                  name               data
  *   0x10F               DESIRED_TARGETS    0: i16 target of address 1, 2: of 2, 4: of 3, 6: of 4
@@ -64,23 +64,25 @@ enum { FOC_ADDITIONAL_STATUS_LENGTH = 4 };
 
 enum {
     FOC_PWM_FULL_SCALE = 32000, /* 100 % of the supply */
-    FOC_PWM_MAX = 30400,        /* largest output of the bridge, 95 % */
+    FOC_PWM_MAX = 30400,        /* largest output of the bridge: 95 % */
     FOC_ICUBDEG_PER_REV = 65536,
     FOC_TARGET_TIMEOUT_MS = 50,
 };
 
-/* Class 0, data[0]: the commands of icub_motor_command that these boards support, and their own */
+/* Class 0, data[0]: the supported commands of icub_motor_command, and commands of these boards
+ * only */
 enum foc_command {
     FOC_GET_MOTOR_PARAMETER = 0x01,
     FOC_SET_MOTOR_PARAMETER = 0x02,
     FOC_SET_CONTROL_MODE = ICUB_SET_CONTROL_MODE,
-    FOC_SET_CURRENT_LIMIT = ICUB_SET_CURRENT_LIMIT, /* 0, nominal, peak, overload: length 8 */
+    /* length 8: one unused byte, nominal, peak, overload */
+    FOC_SET_CURRENT_LIMIT = ICUB_SET_CURRENT_LIMIT,
     FOC_GET_FIRMWARE_VERSION = ICUB_GET_FIRMWARE_VERSION,
-    FOC_SET_CURRENT_PID = 0x65, /* kp ki kd i16, shift u8 */
+    FOC_SET_CURRENT_PID = 0x65, /* kp, ki, kd: i16; shift: u8 */
     FOC_SET_VELOCITY_PID = 0x69,
     FOC_SET_MOTOR_CONFIG = 0x77,
     FOC_SET_TEMPERATURE_LIMIT = 0x79,
-    FOC_SET_PID = 0x7d, /* one parameter as a float32 */
+    FOC_SET_PID = 0x7d, /* one parameter as float32 */
 };
 
 /* SET_MOTOR_CONFIG byte 1 */
@@ -107,7 +109,8 @@ enum foc_pid_parameter {
     FOC_PID_STICTION_DOWN = 9,
 };
 
-/* SET/GET_MOTOR_PARAMETER byte 1; value float32 in bytes 2-5 (Hall: i16 offset, u8 swap) */
+/* SET/GET_MOTOR_PARAMETER byte 1. Bytes 2-5 have the value, a float32 (Hall: i16 offset, u8
+ * swap) */
 enum foc_motor_parameter {
     FOC_MOTOR_BEMF = 1,
     FOC_MOTOR_HALL = 2,
@@ -156,9 +159,9 @@ enum foc_encoder_state {
 #define FOC_FAULT_CAN_RX_WAS_PASSIVE (UINT32_C(1) << 30)
 #define FOC_FAULT_CAN_TX_WAS_PASSIVE (UINT32_C(1) << 31)
 
-enum { FOC_BOARD_2FOC = 8 }; /* class 7 discovery */
+enum { FOC_BOARD_2FOC = 8 }; /* board type in class 7 discovery */
 
-/* Returns the least period of a board's ADDITIONAL_STATUS, ms. */
+/* Returns the shortest period of ADDITIONAL_STATUS of a board, ms. */
 static inline unsigned foc_additional_status_ms(unsigned address)
 {
     return 100 + 100 * address;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The rows of the iCub protocol, protocol foc. */
+/* The rows of protocol foc. */
 #include "boards/foc/table.h"
 
 /* clang-format off */
@@ -48,7 +48,7 @@ const struct icub_command foc_commands[ICUB_MOTOR_COMMANDS] = {
         DO(5, FIELDS(I16("velocity", "icubdeg/ms"), I16("acceleration", NULL)))},
     [ICUB_SET_BOARD_ID] = {"SET_BOARD_ID", DO(2, address)},
     [ICUB_GET_BOARD_ID] = {"GET_BOARD_ID", DO(1, NULL), REPLY(2, address)},
-    /* The form of five bytes has the peak alone, in bytes 1 and 2 */
+    /* A request of five bytes has only the peak, in bytes 1 and 2 */
     [FOC_SET_CURRENT_LIMIT] = {"SET_CURRENT_LIMIT",
         DO_UP_TO(5, 8, FIELDS(PAD, I16("nominal", "mA"), I16("peak", "mA"),
                               I16("overload", "mA")))},
@@ -56,7 +56,7 @@ const struct icub_command foc_commands[ICUB_MOTOR_COMMANDS] = {
         DO(3, FIELDS(U8("major"), U8("minor"))),
         REPLY(8, FIELDS(U8_OF("type", icub_board_names), U8("major"), U8("version"), U8("build"),
                         U8("protocol_major"), U8("protocol_minor"), U8("ack")))},
-    /* The form of six bytes has one gain: 1 = kp, 2 = ki, then a float32 */
+    /* A request of six bytes sets one gain: byte 1 is 1 for kp, 2 for ki; a float32 follows */
     [FOC_SET_CURRENT_PID] = {"SET_CURRENT_PID", DO_UP_TO(6, 8, pid)},
     [FOC_SET_VELOCITY_PID] = {"SET_VELOCITY_PID", DO_UP_TO(6, 8, pid)},
     [ICUB_SET_I2T] = {"SET_I2T", DO(5, FIELDS(I16("parameter", NULL), I16("threshold", NULL)))},

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Every message of protocol foc as a table, in the rows of boards/icub/table.h. Most
- * commands are never answered. Immutable; RT-safe.
+ * Every message of protocol foc as a table row (boards/icub/table.h). Most commands have no answer.
+ * Immutable; RT-safe.
  */
 #ifndef BOARDS_FOC_TABLE_H
 #define BOARDS_FOC_TABLE_H

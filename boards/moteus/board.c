@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The path of the control position. Without limits it jumps to the command. With limits on speed
- * and acceleration it arrives with the commanded velocity. A commanded position itself moves with
- * the commanded velocity.
+ * The path of the control position. Without limits, the control position jumps to the commanded
+ * position. With limits on speed and acceleration, it arrives there with the commanded velocity.
+ * The commanded position itself moves with the commanded velocity.
  */
 #include "boards/moteus/private.h"
 
@@ -14,19 +14,19 @@
 
 #define STEP_S 1e-3
 
-/* Clamps a value to +-limit; a limit of NaN does nothing. */
+/* Clamps a value to +-limit. A limit of NaN does not apply. */
 static double path_clamp(double value, double limit)
 {
     return fmax(fmin(value, limit), -limit);
 }
 
-/* Advances the control position by a millisecond. A limit of NaN does not apply. */
+/* Advances the control position by one millisecond. A limit of NaN does not apply. */
 static void moteus_path_step(struct moteus_path *path, double target_velocity,
                              double velocity_limit, double acceleration_limit)
 {
     double change = acceleration_limit * STEP_S, wanted = target_velocity, before = path->velocity;
 
-    /* Without limits, the path is the command */
+    /* Without limits, the control position follows the command directly */
     if (isnan(velocity_limit) && isnan(acceleration_limit)) {
         path->position = isnan(path->target) ? path->position : path->target;
         path->target = NAN;
@@ -36,9 +36,9 @@ static void moteus_path_step(struct moteus_path *path, double target_velocity,
         return;
     }
 
-    /* Speed towards the target, or the commanded speed, within the limits. From the speed towards
-     * the target the axis can still arrive at the commanded speed: the distance equals the way of
-     * the step plus the stopping distance v^2 / 2a */
+    /* Wanted speed: the commanded speed, plus a speed towards the target. The added speed is the
+     * largest from which the axis can still brake to the commanded speed at the target. The
+     * distance then equals the way in this step plus the stopping distance v^2 / 2a */
     if (!isnan(path->target)) {
         double distance = path->target - path->position, half = change / 2.0;
         double speed = (before - target_velocity) * (distance < 0.0 ? -1.0 : 1.0);
@@ -53,7 +53,7 @@ static void moteus_path_step(struct moteus_path *path, double target_velocity,
     path->velocity = isnan(change) ? wanted : before + path_clamp(wanted - before, change);
     path->position += (isnan(change) ? path->velocity : (before + path->velocity) / 2.0) * STEP_S;
 
-    /* Arrived: at the speed, and at the position if one is commanded */
+    /* The path is done at the commanded speed and, if a position is commanded, at this position */
     change = isnan(change) ? 0.0 : change;
     path->done = fabs(path->velocity - target_velocity) <= change + 1e-9;
     if (!isnan(path->target)) {
@@ -67,18 +67,19 @@ static void moteus_path_step(struct moteus_path *path, double target_velocity,
 }
 
 /*
- * A moteus controller: one motor, active only on request. Modes, faults and the watchdog follow
- * firmware 1.1.0. The loops run once a millisecond instead of 30 times; the current loop is that of
- * boards/axis.h. The gains of the position loop stand for the owner's configuration: damping equal
- * to the motor's back-EMF, 40/s from position to speed.
+ * A moteus controller: one motor, which runs only on command. Modes, faults and the watchdog follow
+ * firmware 1.1.0. The control loops run once a millisecond instead of 30 times. The current loop is
+ * the one in boards/axis.h. The gains of the position loop stand for the owner's configuration:
+ * damping equal to the motor's back-EMF, and 40/s from position error to speed.
  */
 
 #define TURN (2.0 * M_PI)
 
-enum { ENABLING_MS = 9 /* 256 PWM periods that measure the current offsets */ };
+/* duration of the 256 PWM periods in which the drive measures the current offsets */
+enum { ENABLING_MS = 9 };
 
 /* Defaults of the firmware: servo.default_timeout_s, servo.timeout_max_torque_Nm,
- * servo.default_accel_limit, servo.max_velocity, the lowest supply voltage. */
+ * servo.default_accel_limit, servo.max_velocity, lowest supply voltage. */
 static const double TIMEOUT_S = 0.1, TIMEOUT_TORQUE_NM = 5.0, ACCELERATION_LIMIT = 50.0,
                     VELOCITY_MAX = 500.0, SUPPLY_MIN_V = 4.0, POSITION_PER_S = 40.0;
 
@@ -115,7 +116,8 @@ static void moteus_raise_fault(struct board *board, enum moteus_fault fault)
     }
 }
 
-/* Advances towards the commanded mode. Only a stop leaves a fault or a time-out. */
+/* Enters the commanded mode, or the next mode on the way to it. Only a stop command leaves a fault
+ * or a time-out. */
 static void moteus_approach_mode(struct board *board)
 {
     struct moteus_board *moteus = moteus_board_of(board);
@@ -140,7 +142,7 @@ static void moteus_approach_mode(struct board *board)
     }
 }
 
-/* Puts the command of a frame in force. */
+/* Activates the command of a frame: its mode, limits, time-out and target. */
 static void moteus_board_command(struct board *board)
 {
     struct moteus_board *moteus = moteus_board_of(board);
@@ -150,12 +152,12 @@ static void moteus_board_command(struct board *board)
     double timeout_s = moteus->value[MOTEUS_R_TIMEOUT];
 
     if (mode >= MOTEUS_FAULT && mode <= MOTEUS_CALIBRATION_COMPLETE) {
-        return; /* only the board itself enters these modes */
+        return; /* only the board itself can enter these modes */
     }
     memcpy(moteus->command, moteus->value, sizeof moteus->command);
     moteus->wanted_mode = mode;
 
-    /* Defaults of values that the command omits; an acceleration limit requires a speed limit */
+    /* Fill in the values that the command omits. An acceleration limit needs a speed limit */
     moteus->timeout_s = timeout_s == 0.0 ? TIMEOUT_S : timeout_s;
     moteus->acceleration_limit = isnan(acceleration)  ? ACCELERATION_LIMIT
                                  : acceleration < 0.0 ? (double)NAN
@@ -196,7 +198,7 @@ static void moteus_power_up(struct board *board)
     moteus->value[MOTEUS_R_FIRMWARE] = MOTEUS_FIRMWARE;
     moteus->value[MOTEUS_R_MAP_VERSION] = MOTEUS_MAP_VERSION;
     moteus->value[MOTEUS_R_UUID_MASK_CAPABLE] = 1.0;
-    moteus->value[MOTEUS_R_HOME_STATE] = 2.0;        /* homed to the output */
+    moteus->value[MOTEUS_R_HOME_STATE] = 2.0;        /* homed at the output */
     moteus->value[MOTEUS_R_ENCODER_VALIDITY] = 0x0f; /* encoder sources 0 and 1 are valid */
     for (unsigned i = 0; i < 4; i++) {
         uint64_t hash = hash_bytes(HASH_START + i, board->config.name, strlen(board->config.name));
@@ -215,7 +217,7 @@ static void moteus_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
-/* Returns an angle within one turn, 0 to 1. */
+/* Returns the fraction of an angle within one turn, 0 to 1. */
 static double moteus_fraction(double turns)
 {
     return turns - floor(turns);
@@ -255,7 +257,7 @@ static void moteus_sample(struct board *board, const struct plant_sensors *senso
 
 /* ---- faults ---- */
 
-/* Checks supply, encoder, temperature and the age of the command, once a tick. */
+/* Checks supply, encoder, temperature and the age of the command. Called once a tick. */
 static void moteus_watch(struct board *board)
 {
     struct moteus_board *moteus = moteus_board_of(board);
@@ -285,7 +287,8 @@ static void moteus_watch(struct board *board)
 
 /* ---- control laws, once a millisecond ---- */
 
-/* Clamps a value to +-limit, unless limit is NaN. Notes the active limit in the FAULT register. */
+/* Clamps a value to +-limit. A limit of NaN does not apply. If the limit is active, stores `code`
+ * in the FAULT register. */
 static double moteus_limit(struct moteus_board *moteus, double value, double limit,
                            enum moteus_fault code)
 {
@@ -309,7 +312,7 @@ static double moteus_current_law(struct moteus_board *moteus, double wanted_a)
            axis->bemf_v_s_rad * moteus->velocity * TURN;
 }
 
-/* Returns the voltage for a torque of the position loop, and stores the parts of the torque in
+/* Returns the voltage for the torque of the position loop. Stores the parts of the torque in
  * registers. */
 static double moteus_torque_law(struct moteus_board *moteus, double position_error,
                                 double velocity_error, const double *scale, double max_nm)
@@ -328,13 +331,13 @@ static double moteus_torque_law(struct moteus_board *moteus, double position_err
                               moteus->torque_nm_a > 0.0 ? torque / moteus->torque_nm_a : 0.0);
 }
 
-/* Returns a value, or 0 for NaN. */
+/* Returns the value, or 0 if it is NaN. */
 static double number_or_0(double value)
 {
     return isnan(value) ? 0.0 : value;
 }
 
-/* Returns the voltage of the position loop along the path, within the position limits. */
+/* Returns the voltage of the position loop, which follows the path within the position limits. */
 static double moteus_position_law(struct moteus_board *moteus)
 {
     const struct board_axis_config *axis = moteus->axis.config;
@@ -353,7 +356,7 @@ static double moteus_position_law(struct moteus_board *moteus)
     }
     moteus_path_step(path, number_or_0(command[MOTEUS_R_VELOCITY_COMMAND]), moteus->velocity_limit,
                      moteus->acceleration_limit);
-    /* An axis that moves away from its stop position stands there; without one it is NaN */
+    /* Keep the control position at the stop position if it would move away. NaN = no stop */
     if ((path->position - command[MOTEUS_R_STOP_POSITION]) *
             number_or_0(command[MOTEUS_R_VELOCITY_COMMAND]) >
         0.0) {
@@ -393,18 +396,20 @@ static double moteus_law(struct moteus_board *moteus)
     case MOTEUS_ZERO_VELOCITY:
         return moteus_torque_law(moteus, 0.0, -moteus->velocity, (const double[]){0.0, kd, 0.0},
                                  TIMEOUT_TORQUE_NM);
-    case MOTEUS_STAY_WITHIN: /* outside the bounds the position loop returns to the nearer one */
+    /* outside the bounds, the position loop returns the motor to the nearer bound */
+    case MOTEUS_STAY_WITHIN:
         return moteus_torque_law(
             moteus, error, -moteus->velocity,
             (const double[]){number_or_0(command[MOTEUS_R_KP_SCALE]), error == 0.0 ? 0.0 : kd,
                              number_or_0(command[MOTEUS_R_FEEDFORWARD_TORQUE])},
             command[MOTEUS_R_MAX_TORQUE]);
     default:
-        return 0.0; /* the brake shorts the motor; other modes open the bridge */
+        return 0.0; /* brake: the motor is shorted; all other modes: the bridge is open */
     }
 }
 
-/* Runs one tick: in each millisecond the watchdog, the mode, the law (struct board_ops). */
+/* Runs one tick (struct board_ops). Each millisecond runs the watchdog, the mode and the control
+ * law. */
 static void moteus_control(struct board *board, struct ms_span span)
 {
     struct moteus_board *moteus = moteus_board_of(board);
@@ -433,7 +438,7 @@ static void moteus_shut_down(struct board *board)
     }
 }
 
-/* Sends nothing: every frame of a moteus is a reply (struct board_ops). */
+/* Sends nothing (struct board_ops), because every frame of a moteus is a reply. */
 static void moteus_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     (void)span;
@@ -455,28 +460,29 @@ static const struct board_ops moteus_ops = {
 
 struct board *moteus_make_board(const struct board_config *config, struct arena *arena)
 {
-    (void)config; /* there is only one kind of board */
+    (void)config; /* all boards are of one kind */
     return board_create(arena, sizeof(struct moteus_board), &moteus_ops);
 }
 
 /*
- * Serves the subframes of a frame in order: writes and reads of registers. An unreadable subframe
- * ends the frame; earlier writes stay in effect.
+ * Executes the subframes of a frame in order: writes and reads of registers. An unreadable subframe
+ * ends the frame. Writes before it stay in effect.
  */
 
-/* A frame under way and the reply to it. */
+/* The frame that is being executed, and the reply to it. */
 struct moteus_exchange {
     struct board *board;
     const struct bus_frame *frame;
-    unsigned at;            /* the next byte of the frame */
-    bool commands, discard; /* a mode was written; the UUID is another one's */
+    unsigned at; /* index of the next byte of the frame */
+    /* commands: the mode was written; discard: the UUID mask selects another controller */
+    bool commands, discard;
     enum board_verdict verdict;
-    bool replies; /* a reply is wanted */
+    bool replies; /* the request asks for a reply */
     uint8_t reply[MOTEUS_DATA_MAX];
     unsigned used;
 };
 
-/* Reads a varuint; false: the frame ends before. */
+/* Reads a varuint. Returns false if the frame ends before the varuint does. */
 static bool moteus_read_varuint(struct moteus_exchange *x, uint32_t *value)
 {
     *value = 0;
@@ -491,7 +497,7 @@ static bool moteus_read_varuint(struct moteus_exchange *x, uint32_t *value)
     return false;
 }
 
-/* Appends a varuint to the reply; false: there is no room. */
+/* Appends a varuint to the reply. Returns false if there is no room. */
 static bool moteus_write_varuint(struct moteus_exchange *x, uint32_t value)
 {
     for (; x->used < MOTEUS_DATA_MAX; value >>= 7) {
@@ -503,7 +509,7 @@ static bool moteus_write_varuint(struct moteus_exchange *x, uint32_t value)
     return false;
 }
 
-/* Notes that a part of the frame was not obeyed, the first reason counts. */
+/* Stores the verdict on a part of the frame that is not obeyed. The first such verdict remains. */
 static void moteus_reject(struct moteus_exchange *x, enum board_verdict verdict)
 {
     x->verdict = x->verdict == BOARD_OBEYED ? verdict : x->verdict;
@@ -522,7 +528,7 @@ static void moteus_write_error(struct moteus_exchange *x, enum moteus_subframe s
     }
 }
 
-/* Writes a register and returns the result. The frame continues after an error. */
+/* Writes a register and returns the result. An error does not end the frame. */
 static enum moteus_reason moteus_write_register(struct moteus_exchange *x, uint32_t number,
                                                 enum moteus_type type, const uint8_t *data)
 {
@@ -538,15 +544,15 @@ static enum moteus_reason moteus_write_register(struct moteus_exchange *x, uint3
     }
     value = moteus_get(row->quantity, type, data);
     if (number == MOTEUS_R_MODE) {
-        /* Modes that set single phases have no phases here, and no inductance can be measured */
+        /* Refuse modes that need single phases or an inductance: none are simulated */
         value = trunc(value);
         if (!(value >= 0.0 && value < MOTEUS_MODES) ||
             (value >= MOTEUS_PWM && value <= MOTEUS_VOLTAGE_FOC) ||
             value == MOTEUS_MEASURE_INDUCTANCE) {
             return MOTEUS_UNKNOWN_REGISTER;
         }
-        /* Begin a command with default values. Only the command stores the mode, because the mode
-         * register shows the present one */
+        /* Begin a command with default values. Store its mode in commanded_mode, because the mode
+         * register shows the present mode */
         for (size_t i = 0; i < moteus_row_count; i++) {
             if (moteus_rows[i].commanded && moteus_rows[i].number != MOTEUS_R_MODE) {
                 moteus->value[moteus_rows[i].number] = moteus_rows[i].initial;
@@ -566,15 +572,16 @@ static enum moteus_reason moteus_write_register(struct moteus_exchange *x, uint3
             /* Change the zero by whole rotor turns */
             moteus->zero -= round((value - (moteus->motor - moteus->zero)) * gear) / gear;
         }
-        moteus->path.position = NAN; /* capture the position again, as RECAPTURE does */
+        /* restart the path at the present position, as RECAPTURE does */
+        moteus->path.position = NAN;
     } else {
         moteus->value[row->same_as ? row->same_as : number] = value;
     }
     return MOTEUS_OK;
 }
 
-/* Serves a write. Returns false when the frame ends in it, or when the rest is for another
- * controller. */
+/* Executes a write. Returns false if the frame ends before the values do, or if the rest is for
+ * another controller. */
 static bool moteus_serve_write(struct moteus_exchange *x, enum moteus_type type, uint32_t count,
                                uint32_t first)
 {
@@ -595,7 +602,7 @@ static bool moteus_serve_write(struct moteus_exchange *x, enum moteus_type type,
     return !x->discard;
 }
 
-/* Serves a read. Returns false on an error, which ends the frame. */
+/* Executes a read. Returns false on an error, which ends the frame. */
 static bool moteus_serve_read(struct moteus_exchange *x, uint8_t subframe, uint32_t count,
                               uint32_t first)
 {
@@ -623,7 +630,7 @@ static bool moteus_serve_read(struct moteus_exchange *x, uint8_t subframe, uint3
     return room;
 }
 
-/* Serves the next subframe. Returns false when the rest of the frame is unreadable. */
+/* Executes the next subframe. Returns false if the rest of the frame is unreadable. */
 static bool moteus_serve_subframe(struct moteus_exchange *x)
 {
     uint32_t subframe, count, first = 0;
@@ -652,7 +659,7 @@ static bool moteus_serve_subframe(struct moteus_exchange *x)
     return false;
 }
 
-/* Obeys a frame for the board, queues the reply and returns the verdict. */
+/* Executes a frame, queues the reply and returns the verdict. */
 static enum board_verdict moteus_board_serve(struct board *board, const struct bus_frame *frame)
 {
     struct moteus_exchange x = {.board = board,
@@ -665,7 +672,7 @@ static enum board_verdict moteus_board_serve(struct board *board, const struct b
     if (x.commands && !x.discard) {
         moteus_board_command(board);
     }
-    /* Reply in the format of the request, or as CAN FD if the reply is too long */
+    /* Reply in the format of the request. A reply that is too long for it is CAN FD */
     if (x.replies && !x.discard) {
         uint32_t id = moteus_id(board->address, frame->id >> 8 & 0x7f);
         uint8_t length = frame_fd_length(x.used);
@@ -680,7 +687,7 @@ static enum board_verdict moteus_board_serve(struct board *board, const struct b
 
 /* A bus of moteus controllers: finds the receivers of a frame. */
 
-/* Obeys a frame for one controller, or for all of them (struct board_bus_ops). */
+/* Passes a frame to one controller or to all controllers (struct board_bus_ops). */
 static void moteus_bus_receive(struct boards *boards, struct board_bus *bus,
                                const struct bus_frame *frame)
 {
@@ -689,7 +696,7 @@ static void moteus_bus_receive(struct boards *boards, struct board_bus *bus,
     enum board_verdict verdict = BOARD_OBEYED;
     struct board *listener = NULL;
 
-    /* The prefix above the two address bytes must be 0 */
+    /* Identifier bits above the two addresses must be 0 */
     for (unsigned address = 1; address < BOARD_ADDRESSES && frame->id <= 0xffff; address++) {
         struct board *board = bus->by_address[address];
 

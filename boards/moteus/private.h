@@ -8,8 +8,8 @@
 #include "boards/board_private.h"
 #include "boards/moteus/table.h"
 
-/* The path from the control position to the commanded one. NaN = no commanded position, or the path
- * has not started. */
+/* The path of the control position to the commanded position. position is NaN before the path
+ * starts. target is NaN if no position is commanded. */
 struct moteus_path {
     double position, velocity; /* control position and velocity */
     double target;
@@ -19,24 +19,26 @@ struct moteus_path {
 struct moteus_board {
     struct board board;
     struct axis axis;
-    double value[MOTEUS_REGISTERS]; /* displayed value of each register */
+    double value[MOTEUS_REGISTERS]; /* value that each register shows */
     double commanded_mode;          /* value written to the mode register */
 
-    /* The command in force: the registers at the end of its frame, with default limits filled in.
-     * The board enters its mode as soon as it can */
+    /* The command in force: a copy of the registers after its frame, with default limits. The board
+     * enters the command's mode when it is ready */
     double command[MOTEUS_R_STAY_UPPER + 1];
     double wanted_mode, velocity_limit, acceleration_limit;
-    double timeout_s; /* expiry of the command; NaN = never */
-    int enabling_ms;  /* time until the drive is ready for its first command */
+    double timeout_s; /* remaining time until the command expires; NaN = it never expires */
+    /* remaining time until the drive is ready for its first command */
+    int enabling_ms;
     struct moteus_path path;
 
     /* Configuration of the controller */
     double kp, kd; /* N m / turn, N m s / turn */
     double kp_v_a, ki_v_as, torque_nm_a;
-    double zero; /* motor position displayed as 0 */
+    double zero; /* motor position that the registers show as 0 */
 
-    double motor, velocity, before; /* motor position, its speed, and the position one sample ago */
-    double link_before;             /* link position one sample ago */
+    /* motor position and velocity; motor position one sample ago */
+    double motor, velocity, before;
+    double link_before; /* link position one sample ago */
     double integral_v;
 };
 

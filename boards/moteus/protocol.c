@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The register protocol of moteus controllers as a module. */
+/* The register protocol of moteus controllers as a module (struct protocol). */
 #include "boards/moteus/protocol.h"
 
 #include "boards/moteus/private.h"
@@ -8,13 +8,13 @@
 
 /* ---- messages ---- */
 
-/* Visits nothing: no message is for all boards (struct protocol). */
+/* Visits nothing, because no message is for all boards (struct protocol). */
 static void moteus_visit_broadcasts(struct message_walk *walk)
 {
     (void)walk;
 }
 
-/* Visits the command to a board and the reply to it (struct protocol). */
+/* Visits the command to a board and the reply (struct protocol). */
 static void moteus_visit_board(struct message_walk *walk, int index, unsigned first_slot)
 {
     unsigned address = walk->config->board[index].address;
@@ -56,8 +56,8 @@ static void moteus_visit_board(struct message_walk *walk, int index, unsigned fi
     message_visit(walk, &message);
 }
 
-/* Returns whether the identifier is used by frames to a controller, or from one to the host (struct
- * protocol). */
+/* Returns whether an identifier belongs to a frame from the host to a controller, or from a
+ * controller to the host (struct protocol). */
 static bool moteus_claims_id(const struct boards_bus_config *bus, uint32_t id, char *text,
                              size_t size)
 {
@@ -79,7 +79,7 @@ static const char *moteus_mode_name(uint32_t mode)
     return mode < MOTEUS_MODES ? names[mode] : "unknown";
 }
 
-/* From the code 32 on. */
+/* Names of the codes from MOTEUS_FAULT_FIRST on. */
 /* clang-format off */
 static const char *const moteus_fault_names[] = {
     "calibration", "motor driver", "over-voltage", "encoder", "motor not configured",

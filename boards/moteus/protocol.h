@@ -24,12 +24,12 @@
 #include <stdint.h>
 
 enum {
-    MOTEUS_ADDRESS_MAX = 31, /* our limit; the protocol allows 126 */
-    MOTEUS_BROADCAST = 0x7f, /* address of all controllers */
+    MOTEUS_ADDRESS_MAX = 31, /* limit of this program; the protocol allows 126 */
+    MOTEUS_BROADCAST = 0x7f, /* address that selects all controllers */
     MOTEUS_WANTS_REPLY = 0x8000,
     MOTEUS_DATA_MAX = 64,
     MOTEUS_MAP_VERSION = 5,
-    MOTEUS_FIRMWARE = 0x010100, /* 1.1.0 */
+    MOTEUS_FIRMWARE = 0x010100, /* firmware 1.1.0 */
 };
 
 enum moteus_subframe {
@@ -95,7 +95,8 @@ enum moteus_register {
 
     MOTEUS_R_STAY_LOWER = 0x040,
     MOTEUS_R_STAY_UPPER,
-    MOTEUS_R_STAY_FEEDFORWARD_TORQUE, /* later registers repeat others, see the table */
+    /* this and all later registers of this group repeat other registers (moteus_rows) */
+    MOTEUS_R_STAY_FEEDFORWARD_TORQUE,
     MOTEUS_R_STAY_KP_SCALE,
     MOTEUS_R_STAY_KD_SCALE,
     MOTEUS_R_STAY_MAX_TORQUE,
@@ -113,12 +114,12 @@ enum moteus_register {
     MOTEUS_R_MODEL = 0x100,
     MOTEUS_R_FIRMWARE,
     MOTEUS_R_MAP_VERSION,
-    MOTEUS_R_SERIAL = 0x120, /* three words */
+    MOTEUS_R_SERIAL = 0x120, /* three registers */
     MOTEUS_R_OUTPUT_NEAREST = 0x130,
     MOTEUS_R_OUTPUT_EXACT,
     MOTEUS_R_RECAPTURE = 0x133,
-    MOTEUS_R_UUID = 0x150,      /* four words */
-    MOTEUS_R_UUID_MASK = 0x154, /* four words */
+    MOTEUS_R_UUID = 0x150,      /* four registers */
+    MOTEUS_R_UUID_MASK = 0x154, /* four registers */
     MOTEUS_R_UUID_MASK_CAPABLE = 0x158,
     MOTEUS_REGISTERS
 };
@@ -143,10 +144,11 @@ enum moteus_mode {
     MOTEUS_MODES
 };
 
-/* Values of the register FAULT. Values from 96 up name the limit that restricts a mode's output. */
+/* Values of the register FAULT. Codes from 96 on are no faults: each names the limit that restricts
+ * the output of a mode. */
 enum moteus_fault {
     MOTEUS_NO_FAULT = 0,
-    MOTEUS_FAULT_FIRST = 32, /* calibration */
+    MOTEUS_FAULT_FIRST = 32, /* calibration; lowest fault code */
     MOTEUS_OVER_VOLTAGE = 34,
     MOTEUS_ENCODER = 35,
     MOTEUS_NOT_CONFIGURED = 36,
@@ -159,7 +161,7 @@ enum moteus_fault {
     MOTEUS_LIMIT_POSITION = 103,
 };
 
-/* Return the identifier of a frame from a source to a destination. */
+/* Returns the identifier of a frame from `source` to `destination`. */
 static inline uint32_t moteus_id(unsigned source, unsigned destination)
 {
     return source << 8 | destination;

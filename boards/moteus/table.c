@@ -15,7 +15,7 @@
 #define SAME(number, as, name, quantity) {number, as, name, quantity, MOTEUS_RW, false, 0.0}
 #define ACTION(number, name, quantity) {number, 0, name, quantity, MOTEUS_W, false, 0.0}
 
-/* By number. */
+/* Sorted by number. */
 const struct moteus_row moteus_rows[] = {
     COMMAND(MOTEUS_R_MODE, "mode", MOTEUS_Q_NUMBER, 0.0),
     SHOWN(MOTEUS_R_POSITION, "position", MOTEUS_Q_POSITION),
@@ -169,7 +169,7 @@ unsigned moteus_bytes(enum moteus_type type)
     return type == MOTEUS_INT8 ? 1 : type == MOTEUS_INT16 ? 2 : 4;
 }
 
-/* Returns the scale of a quantity as an integer type. */
+/* Returns the scale of a quantity for an integer type. */
 static double moteus_scale(enum moteus_quantity quantity, enum moteus_type type)
 {
     return type == MOTEUS_INT8    ? quantities[quantity].int8
@@ -229,7 +229,7 @@ bool moteus_put(enum moteus_quantity quantity, enum moteus_type type, double val
         return true;
     }
 
-    /* Integers are rounded from the controller's floats; the lowest one is reserved for NaN */
+    /* The controller truncates its float32 values to integers. The lowest integer means NaN */
     single /= (float)moteus_scale(quantity, type);
     value = isfinite(single) ? trunc(fmax(fmin((double)single, most), -most))
                              : (double)moteus_lowest(type);

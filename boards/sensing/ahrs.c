@@ -12,7 +12,8 @@ void ahrs_align(struct ahrs *ahrs, const double accel_m_s2[3], const double magn
                 const double gyro_rad_s[3])
 {
     double norm = vec3_norm(accel_m_s2), length, R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-    double *north = R, *west = R + 3, *up = R + 6; /* rows: the world's axes in the sensor's axes */
+    /* rows of R: axes of the world, in axes of the sensor */
+    double *north = R, *west = R + 3, *up = R + 6;
 
     memset(ahrs, 0, sizeof *ahrs);
     memcpy(ahrs->rate_rad_s, gyro_rad_s, sizeof ahrs->rate_rad_s);
@@ -22,7 +23,7 @@ void ahrs_align(struct ahrs *ahrs, const double accel_m_s2[3], const double magn
     vec3_cross(up, magnetic_t, west);
     length = vec3_norm(west);
     if (!(length > 0.0)) {
-        /* No field: north is the sensor's axis nearest to the horizontal plane */
+        /* Without a field, north is the sensor's x axis, or its z axis if x is almost vertical */
         const double axis[3] = {fabs(up[0]) < 0.9, 0.0, fabs(up[0]) >= 0.9};
 
         vec3_cross(up, axis, west);
@@ -39,9 +40,9 @@ void ahrs_align(struct ahrs *ahrs, const double accel_m_s2[3], const double magn
     }
 }
 
-/* Computes the corrections of the rate, divided by their gains. The first turns the estimated
- * vertical to the specific force about the horizontal axes. The second turns the estimated field to
- * magnetic north about the vertical. */
+/* Computes the corrections of the rate, before multiplication by their gains. The first correction
+ * rotates the estimated vertical towards the specific force, about horizontal axes. The second
+ * rotates the estimated field towards magnetic north, about the vertical. */
 static void ahrs_find_errors(const double R[9], const double accel_m_s2[3],
                              const double magnetic_t[3], double tilt[3], double heading[3])
 {
@@ -57,7 +58,7 @@ static void ahrs_find_errors(const double R[9], const double accel_m_s2[3],
     }
 }
 
-/* Turns a unit quaternion by a rotation vector in its own frame. */
+/* Rotates a unit quaternion by a rotation vector in its own frame. */
 static void ahrs_turn(double q[4], const double turn[3])
 {
     double angle = vec3_norm(turn), sine, cosine, k, x, y, z, norm;
@@ -99,7 +100,7 @@ void ahrs_update(struct ahrs *ahrs, const struct ahrs_config *config, const doub
     }
     ahrs_turn(ahrs->quaternion, turn);
 
-    /* Keep the old attitude if the readings overflow, as with faults */
+    /* Keep the old attitude if the readings overflow, for example under a fault */
     for (int i = 0; i < 4; i++) {
         sum += ahrs->quaternion[i];
     }

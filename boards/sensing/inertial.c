@@ -9,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-static const double GRAVITY_M_S2 = 9.81; /* (D) the sensor's constant; the robots' files have it */
+static const double GRAVITY_M_S2 = 9.81; /* assumed (D): the constant of the sensor */
 
 void inertial_derive(const struct imu_sense *sense, bool fused, struct inertial_values *values)
 {
@@ -24,13 +24,13 @@ void inertial_derive(const struct imu_sense *sense, bool fused, struct inertial_
     if (!values->oriented) {
         return;
     }
-    /* Unit length, w not negative */
+    /* Normalize the quaternion and make w not negative */
     k = (q[0] < 0.0 ? -1.0 : 1.0) / sqrt(square);
     for (int i = 0; i < 4; i++) {
         values->quaternion[i] = k * q[i];
     }
     mat3_from_quaternion(values->quaternion, R);
-    /* Roll, pitch, yaw of R = Rz Ry Rx, and up in the sensor's axes, R's last row */
+    /* Compute roll, pitch and yaw of R = Rz Ry Rx. The last row of R is up in the sensor's axes */
     values->euler_rad[0] = portable_atan2(R[7], R[8]);
     values->euler_rad[1] = -portable_asin(fmax(-1.0, fmin(1.0, R[6])));
     values->euler_rad[2] = portable_atan2(R[3], R[0]);

@@ -4,11 +4,11 @@
  * reported values. RT-safe.
  *
  * The orientation is the sensor's reading: the true attitude, or the output of the filter that the
- * rig's key `ahrs` selects, with the errors of the key `orientation`. All values below derive from
- * it; there is no filter here:
+ * rig's key `ahrs` selects, with the errors of the key `orientation`. The values below are computed
+ * from the orientation, without another filter:
  *
- * Euler angles: roll, pitch, yaw with R = Rz(yaw) Ry(pitch) Rx(roll). R turns the sensor's axes to
- * the world's, z up. Pitch is within +-90 degrees, the others within +-180.
+ * Euler angles: roll, pitch, yaw with R = Rz(yaw) Ry(pitch) Rx(roll). R rotates from the
+ * sensor's axes to the world's, z up. Pitch is within +-90 degrees, roll and yaw within +-180.
  *
  * Gravity: the reading of an accelerometer at rest, 9.81 m/s2 upwards, in the sensor's axes.
  *
@@ -29,14 +29,14 @@ struct inertial_values {
     double quaternion[4]; /* wxyz, from sensor to world, w >= 0 */
     double linear_m_s2[3];
     double gravity_m_s2[3];
-    bool oriented; /* false = no orientation was measured; all values that need one are 0 */
+    bool oriented; /* false = without an orientation; all values that need it are 0 */
 };
 
-/* Derives all values from the readings. fused false: as if no orientation was measured. */
+/* Derives all values from the readings. fused false: derives them without an orientation. */
 void inertial_derive(const struct imu_sense *sense, bool fused, struct inertial_values *values);
 
-/* Converts to counts = value / worth. Returns false when the count saturated to an i16. A value
- * that is not finite leaves *counts unchanged and sets *bad. */
+/* Converts a value to counts: value / worth, where worth is the value of one count. Returns false
+ * if the counts saturate to an i16. For a value that is not finite, keeps *counts and sets *bad. */
 bool inertial_quantize(double value, double worth, int64_t *counts, bool *bad);
 
 #endif

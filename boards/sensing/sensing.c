@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The sensors: creation, the processing chain of each channel, faults. */
+/* The sensors: creation, processing chain of each channel, and faults. */
 #include "boards/sensing/sensing.h"
 
 #include "base/portable_math.h"
@@ -11,12 +11,12 @@
 #include <stdio.h>
 #include <string.h>
 
-#define SENSING_PLAYS 6 /* play operators of a hysteresis, each half as wide as the one before */
+#define SENSING_PLAYS 6 /* number of play operators of a hysteresis */
 
-/* Clock of a board. */
+/* The sampling clock of a board. */
 struct sampling_clock {
     double period_ns, phase_ns; /* in simulation time */
-    int64_t age_ns;             /* age of its last sample */
+    int64_t age_ns;             /* age of the last sample */
     bool sampled;               /* a sample was taken in this tick */
 };
 
@@ -24,8 +24,8 @@ struct sampling_clock {
 struct sensor_device {
     const struct sampling_clock *clock;
     struct sensor_warm_up warm_up;
-    double keep;   /* exp(-tick / tau) */
-    double warm_k; /* K above the temperature at the start */
+    double keep;   /* exp(-tick / tau) of the warm-up */
+    double warm_k; /* temperature above the temperature at the start, K */
 };
 
 /* Low pass: y = b0 (x + 2 x1 + x2) - a1 y1 - a2 y2. */
@@ -34,19 +34,19 @@ struct low_pass {
     double x[2], y[2];
 };
 
-/* One quantity on its way from the plant to a board. */
+/* A channel: one quantity that a sensor reads. */
 struct channel {
     struct sensor_error error;
     bool ideal;
     struct random_stream noise, walk, wander;
     double noise_now, drift, ramp;
-    double bias, bias_keep; /* instability: its value, and exp(-tick / tau) */
+    double bias, bias_keep; /* bias: value of the instability; bias_keep: exp(-tick / tau) */
     double play[SENSING_PLAYS];
     struct low_pass low_pass;
     const struct sensor_device *device;
-    bool clocked; /* sampled by the clock of its board */
-    double last;  /* last output */
-    double *line; /* delay line, circular, newest at line[at] */
+    bool clocked; /* the clock of the board samples the channel */
+    double last;  /* output of the last tick */
+    double *line; /* circular delay line; line[at] is the newest entry */
     size_t length, at;
 };
 
@@ -56,21 +56,21 @@ struct sensor_fault {
     size_t channel;
     struct random_stream random;
     bool was_active;
-    double held;      /* SLOW, STUCK */
-    int64_t since_ns; /* SLOW: time of the held value */
-    bool gap;         /* INTERMITTENT: in a gap now */
-    double *line;     /* DELAYED: circular */
+    double held;      /* output held by SLOW and STUCK */
+    int64_t since_ns; /* SLOW: time when `held` was stored */
+    bool gap;         /* INTERMITTENT: in a gap */
+    double *line;     /* DELAYED: circular delay line */
     size_t length, at;
 };
 
 struct joint_state {
-    double start_rad; /* incremental encoder: angle where counting began */
-    bool restarts;    /* restart the counter at the next sample */
+    double start_rad; /* incremental encoder: angle at which counting began */
+    bool restarts;    /* the counter restarts at the next sample */
     double heated_c;  /* temperature of the winding above ambient */
-    double keep;      /* exp(-tick/tau) */
+    double keep;      /* exp(-tick / tau) of the winding */
     double last_q, last_qm;
     double eccentric_phase_rad[2];
-    double bending_part[2]; /* fractions of the bending moments in the torque reading */
+    double bending_part[2]; /* fraction of each bending moment in the torque reading */
 };
 
 struct sensing {
@@ -91,8 +91,9 @@ struct sensing {
     size_t nfault;
     struct plant_sensors measured;
     double noise_scale;
-    bool ideal;                /* all sensors show true values: nothing to do */
-    double last_quaternion[4]; /* true quaternion of the inertial sensor, with a continuous sign */
+    bool ideal; /* all sensors read the true values, so no reading is computed */
+    /* true quaternion of the inertial sensor at the last tick, with a continuous sign */
+    double last_quaternion[4];
     bool started;
 };
 
@@ -113,22 +114,22 @@ static size_t sensing_imu_channel(const struct sensing *s, size_t channel)
     return sensing_ft_channel(s, s->config.nft, channel);
 }
 
-/* Creation of a channel: checks of its error, filter, delay line, random streams. */
+/* Creation of a channel: checks of its error model, filter, delay line, random streams. */
 
-/* Checks whether a number is finite and not negative. */
+/* Returns whether a number is finite and not negative. */
 static bool sensing_is_not_negative(double value)
 {
     return isfinite(value) && value >= 0.0;
 }
 
-/* Returns the number of samples in a delay line: the newest, and samples back to one beyond the
- * delay. */
+/* Returns the number of entries of a delay line: the newest sample, and older samples up to one
+ * beyond the delay. */
 static size_t sensing_delay_line_length(int64_t delay_ns, int64_t tick_ns)
 {
     return delay_ns > 0 ? (size_t)((delay_ns + tick_ns - 1) / tick_ns) + 1 : 0;
 }
 
-/* Checks that the terms of a sensor's error are valid. */
+/* Checks that the parameters of a sensor's error are valid. */
 static enum error_code sensor_error_check(const struct sensor_error *e, const char *name,
                                           int64_t tick_ns, struct error *error)
 {
@@ -168,7 +169,7 @@ static enum error_code sensor_error_check(const struct sensor_error *e, const ch
                : ERROR_NONE;
 }
 
-/* Returns whether a sensor has no error at all. */
+/* Returns whether a sensor has no error. */
 static bool sensor_error_is_ideal(const struct sensor_error *e)
 {
     return e->gain_error == 0.0 && e->offset == 0.0 && e->noise_rms == 0.0 &&
@@ -177,7 +178,7 @@ static bool sensor_error_is_ideal(const struct sensor_error *e)
            e->instability_rms == 0.0 && e->offset_per_k == 0.0 && e->gain_per_k == 0.0;
 }
 
-/* Returns the random stream of an error of a sensor, a channel or a clock. */
+/* Returns the random stream for one error of a sensor, a channel or a clock. */
 static struct random_stream sensing_stream(const struct sensing *s, const char *error,
                                            const char *name)
 {
@@ -187,8 +188,8 @@ static struct random_stream sensing_stream(const struct sensing *s, const char *
     return random_named(s->config.seed, stream);
 }
 
-/* Creates channel `index`. Its random streams depend only on its name and the seed. ERROR_INPUT for
- * an invalid error, ERROR_MEMORY. */
+/* Creates channel `index`. Its random streams depend only on its name and the seed. Returns
+ * ERROR_INPUT for an invalid error, or ERROR_MEMORY. */
 static enum error_code sensing_make_channel(struct sensing *s, size_t index, const char *name,
                                             const char *what, const struct sensor_error *from,
                                             struct sensor_device *device, struct arena *arena,
@@ -209,7 +210,8 @@ static enum error_code sensing_make_channel(struct sensing *s, size_t index, con
     snprintf(full_name, sizeof full_name, "%s.%s", name, what);
     channel->error = *from;
     channel->device = device;
-    /* A filtered attitude needs no clock: its readings already have the age of the last sample */
+    /* A filtered attitude needs no clock, because its inputs already have the age of the last
+     * sample */
     channel->clocked =
         device->clock && !(s->config.imu.ahrs.on && index >= sensing_imu_channel(s, 9));
     channel->ideal = sensor_error_is_ideal(from) && !channel->clocked;
@@ -225,7 +227,7 @@ static enum error_code sensing_make_channel(struct sensing *s, size_t index, con
                                           .a1 = 2.0 * (k * k - 1.0) * norm,
                                           .a2 = (1.0 - root_two * k + k * k) * norm};
 
-    /* The delay line must reach back to the oldest sample */
+    /* Make the delay line long enough for the oldest sample */
     oldest_ns += channel->clocked ? (int64_t)device->clock->period_ns + 1 : 0;
     channel->length = sensing_delay_line_length(oldest_ns, tick_ns);
     channel->line = arena_alloc(arena, channel->length + 1, sizeof *channel->line);
@@ -323,7 +325,7 @@ static enum error_code sensing_make_joint(struct sensing *s, size_t j, struct ar
     struct sensor_device *device = &s->device[j];
     enum error_code code;
 
-    /* The winding's heat */
+    /* Thermal model of the winding */
     if (!sensing_is_not_negative(thermal->resistance_ohm) || !isfinite(thermal->ambient_c) ||
         (thermal->resistance_ohm > 0.0 &&
          (!(thermal->k_per_w > 0.0) || !isfinite(thermal->k_per_w) ||
@@ -347,8 +349,8 @@ static enum error_code sensing_make_joint(struct sensing *s, size_t j, struct ar
     return code ? code : sensing_make_eccentricity(s, j, error);
 }
 
-/* Fills the mixing matrix of a force-torque sensor: 1 on the diagonal; crosstalk with random signs,
- * as a fraction of the full scales, elsewhere. */
+/* Fills the mixing matrix of a force-torque sensor. The diagonal is 1. All other elements are the
+ * crosstalk, with random signs, scaled by the full scales. */
 static enum error_code sensing_make_crosstalk(struct sensing *s, size_t f, struct error *error)
 {
     const struct sensor_ft *ft = &s->ft[f];
@@ -392,7 +394,8 @@ static enum error_code sensing_make_ft(struct sensing *s, size_t f, struct arena
     return code ? code : sensing_make_crosstalk(s, f, error);
 }
 
-/* Checks the inertial sensor's attitude filter and misalignments, and computes the turned axes. */
+/* Checks the attitude filter and the misalignments of the inertial sensor. Computes the misaligned
+ * axes. */
 static enum error_code sensing_make_attitude(struct sensing *s, struct error *error)
 {
     const struct sensor_imu *imu = &s->config.imu;
@@ -442,7 +445,7 @@ static enum error_code sensing_make_imu(struct sensing *s, struct arena *arena, 
     return code;
 }
 
-/* Adds an entry for channel k of a fault. */
+/* Adds an entry for channel `k` of a fault. */
 static enum error_code sensing_add_fault(struct sensing *s, const struct fault *fault, size_t k,
                                          struct arena *arena, struct error *error)
 {
@@ -461,7 +464,7 @@ static enum error_code sensing_add_fault(struct sensing *s, const struct fault *
                     : error_set(error, ERROR_MEMORY, "no memory left for fault %s", fault->name);
 }
 
-/* Creates one entry for each channel of each fault of a sensor. */
+/* Creates one entry for each channel of each sensor fault. */
 static enum error_code sensing_make_faults(struct sensing *s, struct arena *arena,
                                            struct error *error)
 {
@@ -489,7 +492,7 @@ static enum error_code sensing_make_faults(struct sensing *s, struct arena *aren
     return code;
 }
 
-/* Draws the rates and phases of the boards' clocks. */
+/* Draws the rate error and the phase of each board's clock. */
 static enum error_code sensing_make_clocks(struct sensing *s, struct arena *arena,
                                            struct error *error)
 {
@@ -572,7 +575,7 @@ enum error_code sensing_create(const struct sensing_config *config, struct arena
     }
     s->config = *config;
     s->noise_scale = 1.0;
-    s->ideal = true; /* until a sensor has errors */
+    s->ideal = true; /* stays true until a sensor has an error */
     if (!sensing_allocate(s, arena)) {
         return error_set(error, ERROR_MEMORY, "no memory left for the sensors");
     }
@@ -591,7 +594,8 @@ enum error_code sensing_create(const struct sensing_config *config, struct arena
     return code;
 }
 
-/* Returns x as it was delay_ns ago, linear between two ticks. The newest entry is line[at]. */
+/* Returns x as it was delay_ns ago, interpolated linearly between ticks. line[at] is the newest
+ * entry. */
 static double sensing_read_delay_line(const double *line, size_t length, size_t at,
                                       int64_t delay_ns, int64_t tick_ns)
 {
@@ -605,7 +609,7 @@ static double sensing_read_delay_line(const double *line, size_t length, size_t 
     return younger + part * (line[(at + length - whole - 1) % length] - younger);
 }
 
-/* Appends x to a delay line. Before the first sample, assumes a constant quantity. */
+/* Appends x to a delay line. Fills the whole line with x at the first sample. */
 static void sensing_push_delay_line(double *line, size_t length, size_t *at, double x, bool started)
 {
     for (size_t i = 0; !started && i < length; i++) {
@@ -617,8 +621,8 @@ static void sensing_push_delay_line(double *line, size_t length, size_t *at, dou
     }
 }
 
-/* Appends x to a channel's delay line. Returns x as it was latency_ns before the board's last
- * sampling instant. */
+/* Appends x to a channel's delay line. Returns x as it was latency_ns before the last sampling
+ * instant of the board. */
 static double channel_delay(struct channel *channel, double x, int64_t tick_ns, bool started)
 {
     int64_t age_ns = channel->clocked ? channel->device->clock->age_ns : 0;
@@ -631,11 +635,11 @@ static double channel_delay(struct channel *channel, double x, int64_t tick_ns, 
                                    channel->error.latency_ns + age_ns, tick_ns);
 }
 
-/* Returns x with hysteresis: x minus the weighted lags of the play operators. */
+/* Returns x with hysteresis: x minus the weighted lag of each play operator. */
 static double channel_lag(struct channel *channel, double x, bool started)
 {
-    /* The widths of all operators sum to (2 - 2^(1 - n)) times the widest, which is half the full
-     * scale */
+    /* The widths of all operators sum to (2 - 2^(1 - n)) times the widest width. The widest width
+     * is half the full scale */
     const double sum = 2.0 - 2.0 / (1 << SENSING_PLAYS);
     const double weight = channel->error.hysteresis / sum;
     double half_width = 0.5 * channel->error.full_scale, lag = 0.0;
@@ -652,7 +656,7 @@ static double channel_lag(struct channel *channel, double x, bool started)
     return x - weight * lag;
 }
 
-/* Returns x after the low pass, which starts in steady state. */
+/* Returns x after the low pass. The low pass starts in steady state. */
 static double channel_filter(struct channel *channel, double x, bool started)
 {
     struct low_pass *f = &channel->low_pass;
@@ -693,7 +697,7 @@ static double channel_wander(struct channel *channel, double tick_s, bool starte
     return channel->drift + channel->ramp + channel->bias;
 }
 
-/* Shifts the memory of a channel after its input's zero has moved. */
+/* Shifts the stored values of a channel after the zero of its input has moved. */
 static void sensing_shift_channel(struct channel *channel, double shift)
 {
     for (int k = 0; k < SENSING_PLAYS; k++) {
@@ -708,7 +712,7 @@ static void sensing_shift_channel(struct channel *channel, double shift)
     }
 }
 
-/* Returns the sensor's reading of x, in the order that boards/sensing/sensing.h gives. */
+/* Returns the sensor's reading of x. boards/sensing/sensing.h gives the order of the steps. */
 static double sensing_measure_channel(const struct sensing *s, struct channel *channel, double x)
 {
     const struct sensor_error *e = &channel->error;
@@ -727,17 +731,17 @@ static double sensing_measure_channel(const struct sensing *s, struct channel *c
         }
         x += channel->noise_now;
     }
-    /* The converter saturates at the full scale and rounds to steps of lsb */
+    /* Converter: saturate at the full scale and round to steps of lsb */
     x = e->full_scale > 0.0 ? fmax(-e->full_scale, fmin(e->full_scale, x)) : x;
     return e->lsb > 0.0 ? e->lsb * floor(x / e->lsb + 0.5) : x;
 }
 
-/* Reading of the sensors: crosstalk and encoder errors before each channel's chain, faults after
- * it. */
+/* Reading of the sensors. Crosstalk and encoder errors come before each channel's chain, faults
+ * after it. */
 
 /* ---- faults ---- */
 
-/* Returns x after a fault; last is the channel's previous output. */
+/* Returns x after a fault. last: previous output of the channel. */
 static double sensor_fault_disturb(const struct sensing *s, struct sensor_fault *f, double x,
                                    double last)
 {
@@ -748,14 +752,14 @@ static double sensor_fault_disturb(const struct sensing *s, struct sensor_fault 
     switch (fault->kind) {
     case FAULT_OFF:
         return 0.0;
-    case FAULT_STUCK: /* the output before the fault */
+    case FAULT_STUCK: /* holds the output from before the fault */
         f->held = begins ? last : f->held;
         return f->held;
     case FAULT_GARBAGE:
         return fault->value[0] * (2.0 * random_uniform(&f->random) - 1.0);
     case FAULT_WRONG:
         return fault->value[0] * x + fault->value[1];
-    case FAULT_SLOW: /* take a new value once per period */
+    case FAULT_SLOW: /* takes a new value once per period */
         if (begins || now_ns - f->since_ns >= (int64_t)(fault->value[0] * 1e9)) {
             f->held = x;
             f->since_ns = now_ns;
@@ -773,7 +777,7 @@ static double sensor_fault_disturb(const struct sensing *s, struct sensor_fault 
     }
 }
 
-/* Reads one channel: the sensor, then its faults in the order of the table. */
+/* Reads one channel: the sensor, then its faults in the order of their list. */
 static double sensing_read_channel(struct sensing *s, size_t index, double x)
 {
     struct channel *channel = &s->channel[index];
@@ -785,7 +789,7 @@ static double sensing_read_channel(struct sensing *s, size_t index, double x)
         if (f->channel != index) {
             continue;
         }
-        /* The line is fed while the fault is inactive, to hold past values when it begins */
+        /* Also fill the line before the fault begins, because the fault needs past values */
         sensing_push_delay_line(f->line, f->length, &f->at, x, s->started);
         if (f->fault->active) {
             x = sensor_fault_disturb(s, f, x, s->started ? channel->last : x);
@@ -798,7 +802,7 @@ static double sensing_read_channel(struct sensing *s, size_t index, double x)
 
 /* ---- the sensors ---- */
 
-/* Returns whether a channel has a fault, or one that acts now. */
+/* Returns whether a channel has a fault. now: counts only faults that act now. */
 static bool sensing_channel_fails(const struct sensing *s, size_t channel, bool now)
 {
     for (size_t i = 0; i < s->nfault; i++) {
@@ -809,14 +813,14 @@ static bool sensing_channel_fails(const struct sensing *s, size_t channel, bool 
     return false;
 }
 
-/* Returns whether a channel shows the true value: it has neither errors nor faults. */
+/* Returns whether a channel reads the true value, without errors and faults. */
 static bool sensing_channel_is_plain(const struct sensing *s, size_t channel)
 {
     return s->channel[channel].ideal && !sensing_channel_fails(s, channel, false);
 }
 
-/* Advances the temperature of a winding by a tick at current_a and returns it. Without a thermal
- * model here, returns the plant's temperature, or 0. */
+/* Advances the temperature of a winding by one tick at current_a and returns it. Without a thermal
+ * model of the winding, returns the plant's temperature, or 0. */
 static double sensing_heat_winding(const struct sensing *s, size_t j,
                                    const struct motor_sense *truth)
 {
@@ -833,8 +837,8 @@ static double sensing_heat_winding(const struct sensing *s, size_t j,
     return thermal->ambient_c + state->heated_c;
 }
 
-/* Returns the angle that an eccentric ring shows; its error is 0 at angle 0, where it was
- * calibrated. */
+/* Returns the angle that an encoder with an eccentric ring reads. The error is 0 at angle 0, where
+ * the encoder was calibrated. */
 static double sensing_eccentric_angle(const struct sensing *s, size_t j, double q)
 {
     const double *part = s->joint[j].eccentricity_rad, *phase = s->state[j].eccentric_phase_rad;
@@ -846,7 +850,7 @@ static double sensing_eccentric_angle(const struct sensing *s, size_t j, double 
     return shown;
 }
 
-/* Returns the rate from an encoder's readings, or the true rate for an ideal encoder. */
+/* Returns the rate from the readings of an encoder. Returns the true rate for an ideal encoder. */
 static double sensing_encoder_rate(const struct sensing *s, size_t channel, double now,
                                    double *last, double truth)
 {
@@ -865,7 +869,7 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
     size_t link = sensing_joint_channel(j, SENSOR_LINK_ENCODER),
            motor = sensing_joint_channel(j, SENSOR_MOTOR_ENCODER);
 
-    /* An incremental encoder counts from its position at the start */
+    /* An incremental encoder counts from its position at the start or restart */
     if (s->joint[j].incremental && (!s->started || state->restarts)) {
         sensing_shift_channel(&s->channel[motor], state->start_rad - truth->qm);
         state->start_rad = truth->qm;
@@ -875,7 +879,7 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
     out->qm = sensing_read_channel(s, motor, truth->qm - state->start_rad);
     out->qd = sensing_encoder_rate(s, link, out->q, &state->last_q, truth->qd);
     if (state->restarts) {
-        state->last_qm = out->qm; /* the counter's jump is not motion */
+        state->last_qm = out->qm; /* the jump of the counter is no motion */
         state->restarts = false;
     }
     out->qmd = sensing_encoder_rate(s, motor, out->qm, &state->last_qm, truth->qmd);
@@ -889,8 +893,8 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
                                           sensing_heat_winding(s, j, truth));
 }
 
-/* Sets the peak of a force-torque channel: its reading plus the true peak's excess. A fault on the
- * channel removes the excess; a saturated converter shows the true peak. */
+/* Sets the peak of a force-torque channel to its reading plus the true peak's excess over the true
+ * value. A fault on the channel removes the excess. A saturated converter gives the true peak. */
 static void sensing_set_ft_peak(const struct sensing *s, size_t f, const struct ft_sense *truth,
                                 size_t channel)
 {
@@ -934,7 +938,7 @@ static void sensing_read_ft(struct sensing *s, size_t f, const struct ft_sense *
     }
 }
 
-/* Rotates a vector into misaligned axes; without misalignment copies it. */
+/* Rotates a vector into misaligned axes. Without misalignment, copies it. */
 static void sensing_turn(const double R[9], const double angle_rad[3], const double truth[3],
                          double turned[3])
 {
@@ -945,9 +949,9 @@ static void sensing_turn(const double R[9], const double angle_rad[3], const dou
     }
 }
 
-/* Reads the orientation. A quaternion and its negative are the same rotation: the channels
- * interpolate, so they get the one close to the last. The output is normalized; 0 stays 0, an
- * unknown orientation. */
+/* Reads the orientation. A quaternion and its negative are the same rotation. The channels
+ * interpolate, so they use the sign that is close to the last quaternion. The output is normalized.
+ * 0 stays 0 and means an unknown orientation. */
 static void sensing_read_orientation(struct sensing *s, const double truth[4])
 {
     const size_t first = SENSOR_IMU_CHANNELS - 4;
@@ -1033,7 +1037,7 @@ const struct plant_sensors *sensing_sample(struct sensing *s, int64_t now_ns,
     s->measured.njoint = truth->njoint;
     s->measured.nft = truth->nft;
 
-    /* The shared state of sensors: age of the boards' samples, warm-up */
+    /* Advance the state that channels share: age of the samples, warm-up */
     for (size_t c = 0; c < s->nclock; c++) {
         struct sampling_clock *clock = &s->clock[c];
         double age = fmod((double)now_ns - clock->phase_ns, clock->period_ns);
@@ -1048,7 +1052,7 @@ const struct plant_sensors *sensing_sample(struct sensing *s, int64_t now_ns,
             device->warm_up.rise_k + (device->warm_k - device->warm_up.rise_k) * device->keep;
     }
 
-    /* Readings */
+    /* Read all sensors */
     for (size_t j = 0; j < s->config.njoint; j++) {
         sensing_read_joint(s, j, &truth->motor[j]);
     }
