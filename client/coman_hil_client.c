@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The client of coman_hil_client.h, from the bottom up: signals in frames, DBC files, the two
- * kinds of connections, joints and the commands of their boards, time. */
+/* Implements coman_hil_client.h. Order of the file: signals in frames, DBC files, connections
+ * (gateway and SocketCAN), joints and the commands of their boards, time. */
 #ifndef _GNU_SOURCE
 #define _GNU_SOURCE
 #endif
@@ -26,31 +26,31 @@
 #include <time.h>
 #include <unistd.h>
 
-#define WORD "%32[A-Za-z0-9_]" /* a name of a DBC file */
+#define WORD "%32[A-Za-z0-9_]" /* sscanf format of a name in a DBC file */
 
 enum {
     BUSES_MAX = 64,
     BOARDS_MAX = 512,
     JOINTS_MAX = 512,
     SENSORS_MAX = 128,
-    NAME_SIZE = 33,        /* of a name in the lines of a DBC file */
-    LONG_SIZE = 128,       /* of a name by which it is found */
-    FILE_SIZE = 1 << 22,   /* of a DBC file, at most */
-    STREAM_SIZE = 1 << 16, /* of what has come from the gateway, and of what goes there */
-    READS_MAX = 64,        /* in a call that takes in what has come */
-    PLAIN = -1,            /* a signal that each frame of its message has */
-    SELECTOR = -2,         /* the byte that says which signals a frame has */
-    STEP_TICKS = 1000,     /* at most in one STEP */
-    READY_SIZE = 4096,     /* of a line in the file of --ready */
-    SETTLE_TICKS = 5,      /* until a mode or a setting has been reported */
-    ENABLE_TICKS = 1000,
-    MISMATCH = 4, /* flags of DONE */
+    NAME_SIZE = 33,        /* bytes of a short name in a DBC file, with the final zero */
+    LONG_SIZE = 128,       /* bytes of a long name, with the final zero */
+    FILE_SIZE = 1 << 22,   /* largest DBC file, bytes */
+    STREAM_SIZE = 1 << 16, /* bytes of the gateway's receive buffer, and of its send buffer */
+    READS_MAX = 64,        /* most reads per receive call */
+    PLAIN = -1,            /* signal that is not multiplexed */
+    SELECTOR = -2,         /* multiplexer: byte 0 selects the signals in the frame */
+    STEP_TICKS = 1000,     /* most ticks in one STEP */
+    READY_SIZE = 4096,     /* longest line in the file of --ready, bytes */
+    SETTLE_TICKS = 5,      /* ticks until the boards have reported a new mode or setting */
+    ENABLE_TICKS = 1000,   /* longest wait for motors to switch on */
+    MISMATCH = 4,          /* flags of DONE */
     STOPPING = 8,
 };
 
 enum protocol { ICUB, FOC, COMPACT, OTHER };
 
-/* Quantities that boards report of a joint. */
+/* Quantities of a joint that boards report. */
 enum source {
     POSITION,
     DEFLECTION,
@@ -65,30 +65,30 @@ enum source {
 
 struct signal {
     char name[LONG_SIZE], unit[16];
-    const char *about;     /* the joint or sensor; "" = none */
+    const char *about;     /* its joint or sensor; "" = none */
     const char *long_name; /* NULL = none */
     double scale, offset;
     struct message *message;
-    size_t first, count;   /* names of its values */
-    int selector;          /* value of byte 0 with which it is there, PLAIN or SELECTOR */
-    unsigned start, end;   /* end: bytes of the shortest frame that has it */
-    unsigned bits, length; /* length: of its frame, 0 = the message's */
+    size_t first, count;   /* its named values in core->name */
+    int selector;          /* multiplexed: the value of byte 0; else PLAIN or SELECTOR */
+    unsigned start, end;   /* first bit; bytes of the shortest frame with the whole signal */
+    unsigned bits, length; /* length: bytes of its frame; 0 = the message's length */
     bool big_endian, negative, floating;
 };
 
 struct message {
     char name[LONG_SIZE], sender[LONG_SIZE];
     const char *long_name; /* NULL = none */
-    uint32_t id;           /* bit 31: it has 29 bits */
+    uint32_t id;           /* bit 31 set: 29-bit identifier */
     struct bus *bus;
-    size_t first, count; /* its signals */
+    size_t first, count; /* its signals in core->signal */
     bool fd, pending;
-    unsigned length, heard; /* heard: bytes of the last frame, which is in data */
+    unsigned length, heard; /* heard: length of the last received frame, in data */
     uint8_t data[64], out[64];
     int64_t time_ns;
 };
 
-/* The name of a number that a signal may have. */
+/* A named value of a signal (VAL_). */
 struct name {
     int64_t number;
     const char *text;
@@ -101,18 +101,19 @@ struct board {
 };
 
 struct bus {
-    char name[41], interface[16], *file, *text; /* file: its memory */
-    uint64_t hash;                              /* of the file's bytes */
+    char name[41], interface[16], *file, *text; /* file: path and text, one allocation */
+    uint64_t hash;                              /* hash of the file's bytes */
     enum protocol protocol;
     double supply_v;
-    size_t first, count; /* its messages */
+    size_t first, count; /* its messages in core->message */
     int socket;          /* SocketCAN; -1 = none */
-    bool done;           /* its DONE of the present STEP has come */
+    bool done;           /* DONE of the present STEP received */
 };
 
-/* A set-point that a board takes: count = (value - offset) / scale; percent: of the supply. */
+/* Conversion of a set-point to a raw value: (value - offset) / scale. If percent is true, the value
+ * is in % of the supply. */
 struct set_point {
-    const struct signal *signal; /* NULL = it takes none */
+    const struct signal *signal; /* NULL = not supported by the board */
     double scale, offset;
     bool percent;
 };
@@ -120,7 +121,7 @@ struct set_point {
 struct joint {
     const char *name;
     const struct board *board;
-    const struct signal *source[SOURCES], *mode; /* mode: of the command; NULL = none */
+    const struct signal *source[SOURCES], *mode; /* mode: signal of the mode command; NULL = none */
     struct set_point set_point[HIL_CLIENT_QUANTITIES];
     enum hil_client_quantity quantity;
     double value;
@@ -148,18 +149,18 @@ struct hil_client_core {
     bool lockstep, listening;
 
     int gateway;     /* its socket; -1 = SocketCAN */
-    unsigned heard;  /* answers of its own: hi, ok, ok */
-    uint64_t frames; /* that have come */
+    unsigned heard;  /* number of its answers ("hi", "ok", "ok") */
+    uint64_t frames; /* number of received frames */
     size_t nin, nout;
     char in[STREAM_SIZE], out[STREAM_SIZE];
 
-    struct message *step; /* NULL = no bus has one */
+    struct message *step; /* STEP; NULL = no bus has this message */
     uint32_t begin, expected, told;
     bool joined, refused, stopping;
 };
 
-/* For each protocol the boards' words for modes, and how the names of the signals begin that
- * carry set-points. */
+/* Per protocol and quantity: the board's name of the mode, and the prefix of the set-point signal's
+ * name. */
 static const struct {
     const char *name, *mode[HIL_CLIENT_QUANTITIES], *signal[HIL_CLIENT_QUANTITIES];
 } protocols[] = {
@@ -171,8 +172,8 @@ static const struct {
     [OTHER] = {"", {NULL}, {NULL}},
 };
 
-/* For each quantity the messages and signals that report it, MESSAGE:signal without sender and
- * joint; the first of the list that the tables have counts. */
+/* Per quantity: the signals that report it, as MESSAGE:signal without the names of sender and
+ * joint. The client uses the first entry that the tables contain. */
 static const char *const sources[SOURCES] = {
     [POSITION] = " POSITION:position TELEMETRY_FD:link_position ",
     [DEFLECTION] = " TELEMETRY:deflection ",
@@ -187,7 +188,7 @@ static const char *const sources[SOURCES] = {
 
 /* ---- errors and time ---- */
 
-/* Keeps a sentence as the last failure, on one line whatever it quotes, and returns the code. */
+/* Writes client->message and returns the code. Control characters become '?'. */
 __attribute__((format(printf, 3, 4))) static enum hil_client_code
 client_fail(struct hil_client *client, enum hil_client_code code, const char *format, ...)
 {
@@ -202,7 +203,7 @@ client_fail(struct hil_client *client, enum hil_client_code code, const char *fo
     return code;
 }
 
-/* Keeps the meaning of errno as the last failure. */
+/* Writes the text of errno to client->message. */
 static enum hil_client_code client_fail_system(struct hil_client *client, const char *what)
 {
     return client_fail(client, HIL_CLIENT_SYSTEM, "%.200s: %s", what, strerror(errno));
@@ -216,13 +217,13 @@ static int64_t client_now_ns(void)
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
-/* Sets the deadline of what follows. */
+/* Sets the deadline of the following waits. */
 static void client_limit_time(struct hil_client_core *core, int timeout_ms)
 {
     core->deadline_ms = client_now_ns() / 1000000 + timeout_ms;
 }
 
-/* Waits for one of the sockets until the deadline. */
+/* Waits until one of the sockets is ready or the deadline has passed. */
 static enum hil_client_code client_poll(struct hil_client *client, struct pollfd *sockets,
                                         size_t count)
 {
@@ -240,13 +241,13 @@ static enum hil_client_code client_poll(struct hil_client *client, struct pollfd
 
 /* ---- signals in frames ---- */
 
-/* Returns the bit after a bit: of less weight in a big-endian signal, of more in the others. */
+/* Returns the next bit of a signal: less significant if big-endian, else more significant. */
 static unsigned signal_next_bit(const struct signal *signal, unsigned bit)
 {
     return !signal->big_endian ? bit + 1 : bit % 8 ? bit - 1 : bit + 15;
 }
 
-/* Writes a count into the bits of a signal. */
+/* Writes a raw value into the bits of a signal. */
 static void signal_put(const struct signal *signal, uint8_t *data, uint64_t count)
 {
     unsigned bit = signal->start;
@@ -261,7 +262,8 @@ static void signal_put(const struct signal *signal, uint8_t *data, uint64_t coun
     }
 }
 
-/* Reads the count in the last frame of the signal's message; false = there is none. */
+/* Reads the raw value from the last frame of the signal's message; false = no frame, or the frame
+ * lacks the signal. */
 static bool signal_get(const struct signal *signal, int64_t *count)
 {
     const struct message *message = signal ? signal->message : NULL;
@@ -284,7 +286,7 @@ static bool signal_get(const struct signal *signal, int64_t *count)
     return true;
 }
 
-/* Returns the value in the last frame, in the signal's unit; NAN = there is none. */
+/* Returns the value in the last frame, in the signal's unit; NAN = no value. */
 static double signal_value(const struct signal *signal)
 {
     int64_t count;
@@ -303,13 +305,13 @@ static double signal_value(const struct signal *signal)
            signal->offset;
 }
 
-/* Returns the value in SI units: mA become A. */
+/* Returns the value in the last frame, in SI units (mA converted to A). */
 static double signal_value_si(const struct signal *signal)
 {
     return signal_value(signal) * (signal && !strcmp(signal->unit, "mA") ? 1e-3 : 1.0);
 }
 
-/* Returns the bits for a value; one that does not fit becomes the end of the field's range. */
+/* Converts a value to the bits of a signal. Clamps the value to the range of the signal. */
 static uint64_t signal_encode(const struct signal *signal, double value, double scale,
                               double offset)
 {
@@ -331,7 +333,7 @@ static uint64_t signal_encode(const struct signal *signal, double value, double 
     return count > 0.0 ? (uint64_t)count : 0;
 }
 
-/* Returns the name of a signal without that of the joint in front. */
+/* Returns the name of a signal without the prefix of its joint. */
 static const char *signal_quantity(const struct signal *signal)
 {
     const char *name = signal->name, *about = signal->about;
@@ -354,7 +356,7 @@ static struct signal *signal_find(const struct hil_client_core *core, const stru
     return NULL;
 }
 
-/* Finds the name of a number or, given a text, the number of that name; NULL = there is none. */
+/* Finds a named value by its text or, if text is NULL, by its number; NULL = not found. */
 static const struct name *signal_find_name(const struct hil_client_core *core,
                                            const struct signal *signal, const char *text,
                                            int64_t number)
@@ -380,7 +382,7 @@ static struct message *message_find_id(const struct hil_client_core *core, const
     return NULL;
 }
 
-/* Finds the message whose name is the two texts in a row; NULL = there is none. */
+/* Finds the message whose name is sender followed by kind; NULL = not found. */
 static struct message *message_find(const struct hil_client_core *core, const struct bus *bus,
                                     const char *sender, const char *kind)
 {
@@ -408,8 +410,8 @@ static struct bus *bus_find(struct hil_client_core *core, const char *name)
 
 /* ---- tables: the lines of a DBC file ---- */
 
-/* Each function reads what follows its keyword into what it belongs to; false = the line is not
- * as it should be. Strings stay in the text of the file. */
+/* Each function parses the rest of a line after its keyword; false = invalid line. Stored strings
+ * point into the text of the file. */
 
 /* Reads a message (BO_): ID NAME: LENGTH SENDER */
 static bool table_read_message(struct hil_client_core *core, struct bus *bus, char *line)
@@ -456,7 +458,8 @@ static bool table_read_signal(struct hil_client_core *core, struct bus *bus, cha
     return true;
 }
 
-/* Finds the signal of "ID NAME"; rest is what follows. */
+/* Finds the signal of "ID NAME" at the start of a line; NULL = not found. `rest` is set to the text
+ * behind the name. */
 static struct signal *table_find_signal(struct hil_client_core *core, struct bus *bus, char *line,
                                         char **rest)
 {
@@ -471,7 +474,7 @@ static struct signal *table_find_signal(struct hil_client_core *core, struct bus
     return signal_find(core, message_find_id(core, bus, id), name);
 }
 
-/* Takes the text in quotes, and returns NULL where there is none; rest is what follows. */
+/* Returns the first quoted text of a line; NULL = none. `rest` is set to the text behind it. */
 static char *table_take_text(char *line, char **rest)
 {
     char *begin = strchr(line, '"'), *end = begin ? strchr(begin + 1, '"') : NULL;
@@ -484,8 +487,8 @@ static char *table_take_text(char *line, char **rest)
     return begin + 1;
 }
 
-/* Reads the comment of a node (CM_ BU_): NAME "address 1, motors A B", or "address 1, F/T A";
- * other nodes are skipped. */
+/* Reads the comment of a node (CM_ BU_): NAME "address 1, motors A B", or "address 1, F/T A".
+ * Skips other nodes. */
 static bool table_read_board(struct hil_client_core *core, struct bus *bus, char *line)
 {
     struct board *board = &core->board[core->nboard];
@@ -515,7 +518,7 @@ static bool table_read_board(struct hil_client_core *core, struct bus *bus, char
     return true;
 }
 
-/* Reads which joint or sensor a signal is about (CM_ SG_): ID SIGNAL "JOINT OR SENSOR" */
+/* Reads the joint or sensor of a signal (CM_ SG_): ID SIGNAL "JOINT OR SENSOR" */
 static bool table_read_subject(struct hil_client_core *core, struct bus *bus, char *line)
 {
     char *rest, *text;
@@ -528,7 +531,7 @@ static bool table_read_subject(struct hil_client_core *core, struct bus *bus, ch
     return text;
 }
 
-/* Reads the names of values (VAL_): ID SIGNAL NUMBER "NAME" ... ; */
+/* Reads the named values of a signal (VAL_): ID SIGNAL NUMBER "NAME" ... ; */
 static bool table_read_names(struct hil_client_core *core, struct bus *bus, char *line)
 {
     char *at, *end;
@@ -564,7 +567,7 @@ static bool table_read_length(struct hil_client_core *core, struct bus *bus, cha
            signal->length <= signal->message->length;
 }
 
-/* Reads the format of a message, ID FORMAT; from 14 on it is CAN FD. */
+/* Reads the format of a message: ID FORMAT; 14 and above mean CAN FD. */
 static bool table_read_format(struct hil_client_core *core, struct bus *bus, char *line)
 {
     unsigned id, format;
@@ -589,7 +592,7 @@ static bool table_read_float(struct hil_client_core *core, struct bus *bus, char
     return signal && signal->bits == 32;
 }
 
-/* Gives a node its long name: NAME "LONG NAME"; */
+/* Replaces the short name of a node by its long name: NAME "LONG NAME"; */
 static bool table_read_long_node(struct hil_client_core *core, struct bus *bus, char *line)
 {
     char *rest, *text = table_take_text(line, &rest), name[NAME_SIZE];
@@ -610,7 +613,7 @@ static bool table_read_long_node(struct hil_client_core *core, struct bus *bus, 
     return true;
 }
 
-/* Reads the long name of a message, ID "LONG NAME"; */
+/* Reads the long name of a message: ID "LONG NAME"; */
 static bool table_read_long_message(struct hil_client_core *core, struct bus *bus, char *line)
 {
     char *rest, *text = table_take_text(line, &rest);
@@ -623,7 +626,7 @@ static bool table_read_long_message(struct hil_client_core *core, struct bus *bu
     return message;
 }
 
-/* Reads the long name of a signal, ID SIGNAL "LONG NAME"; */
+/* Reads the long name of a signal: ID SIGNAL "LONG NAME"; */
 static bool table_read_long_signal(struct hil_client_core *core, struct bus *bus, char *line)
 {
     char *rest;
@@ -635,7 +638,7 @@ static bool table_read_long_signal(struct hil_client_core *core, struct bus *bus
     return signal && signal->long_name;
 }
 
-/* The lines of a DBC file that are read, by how they begin; others are skipped. */
+/* Parsers of DBC lines by the beginning of the line. Other lines are skipped. */
 static const struct {
     const char *begin;
     bool (*read)(struct hil_client_core *core, struct bus *bus, char *line);
@@ -653,7 +656,7 @@ static const struct {
     {"BA_ \"SystemSignalLongSymbol\" SG_ ", table_read_long_signal},
 };
 
-/* Reads the lines of a bus's file into messages and signals. */
+/* Parses the messages and signals of a bus from the text of its file. */
 static enum hil_client_code table_read(struct hil_client *client, struct bus *bus)
 {
     char *text = bus->text;
@@ -672,7 +675,7 @@ static enum hil_client_code table_read(struct hil_client *client, struct bus *bu
             }
         }
     }
-    /* Names are long from here on; the lines of the file have the short ones */
+    /* All lines are parsed, and no line refers to a short name any more: use the long names */
     for (size_t i = bus->first; i < client->core->nmessage; i++) {
         struct message *message = &client->core->message[i];
 
@@ -699,7 +702,7 @@ static int tables_is_dbc(const struct dirent *entry)
     return end && !strcmp(end, ".dbc");
 }
 
-/* Returns the FNV-1a hash by which the file of --ready names a bus's tables. */
+/* Returns the FNV-1a hash of a DBC file. The file of --ready holds the hash of each bus's file. */
 static uint64_t tables_hash(const char *text, size_t size)
 {
     uint64_t hash = UINT64_C(0xcbf29ce484222325);
@@ -710,7 +713,7 @@ static uint64_t tables_hash(const char *text, size_t size)
     return hash;
 }
 
-/* Reads the whole of a file behind its name, in memory that the bus owns. */
+/* Reads a file. One allocation, which the bus owns, holds the path and the text behind it. */
 static enum hil_client_code tables_read_file(struct hil_client *client, struct bus *bus,
                                              const char *folder, const char *name)
 {
@@ -741,7 +744,7 @@ static enum hil_client_code tables_read_file(struct hil_client *client, struct b
                                           "%.200s: expected a file of less than 4 MiB", bus->file);
 }
 
-/* Reads whose bus a file describes: CM_ "Rig R, bus B on I: protocol P, supply V V. ..." */
+/* Reads the title of a file: CM_ "Rig R, bus B on I: protocol P, supply V V. ..." */
 static enum hil_client_code tables_read_title(struct hil_client *client, struct bus *bus,
                                               char rig[static 41])
 {
@@ -767,7 +770,7 @@ static enum hil_client_code tables_read_title(struct hil_client *client, struct 
     return HIL_CLIENT_OK;
 }
 
-/* Adds a file of the folder, unless it is for another rig than the wanted one. */
+/* Adds the bus of a file. Skips files of rigs other than `wanted`; NULL = any rig. */
 static enum hil_client_code tables_add_file(struct hil_client *client, const char *folder,
                                             const char *name, const char *wanted)
 {
@@ -797,7 +800,7 @@ static enum hil_client_code tables_add_file(struct hil_client *client, const cha
     return HIL_CLIENT_OK;
 }
 
-/* Counts how often a text occurs in another. */
+/* Counts the occurrences of `what` in a text. */
 static size_t tables_count(const char *text, const char *what)
 {
     size_t count = 0;
@@ -808,7 +811,8 @@ static size_t tables_count(const char *text, const char *what)
     return count;
 }
 
-/* Makes room for all that the files may hold, one more of each than there are, and reads them. */
+/* Allocates the messages, signals and names, and parses all files. Each array has a spare entry,
+ * because a parser writes to an entry before it checks the line. */
 static enum hil_client_code tables_read_all(struct hil_client *client)
 {
     struct hil_client_core *core = client->core;
@@ -832,11 +836,11 @@ static enum hil_client_code tables_read_all(struct hil_client *client)
     return code;
 }
 
-/* Reads the files of a rig in a folder, in the order of their names. */
+/* Reads the DBC files of a rig from a folder, sorted by name. */
 static enum hil_client_code tables_open(struct hil_client *client, const char *folder,
                                         const char *rig)
 {
-    /* A number has a point for its fraction, whatever the program's language */
+    /* Parse numbers with a decimal point in any locale of the program */
     locale_t c = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0), before;
     enum hil_client_code code = HIL_CLIENT_OK;
     struct dirent **entry = NULL;
@@ -864,11 +868,11 @@ static enum hil_client_code tables_open(struct hil_client *client, const char *f
     return code;
 }
 
-/* ---- frames that come and go ---- */
+/* ---- sending and receiving frames ---- */
 
-/* Takes a DONE. That of the present STEP has the tick at which it ends, or refuses it because
- * the run is at another tick than it began at; others, of earlier STEPs and other clients, are
- * ignored. */
+/* Handles a DONE. It answers the present STEP if its tick is the expected end of the STEP, or if it
+ * refuses the STEP because the run is at a different tick. Ignores the DONE of earlier STEPs and of
+ * other clients. */
 static void bus_take_done(struct hil_client *client, struct bus *bus, const uint8_t *data)
 {
     struct hil_client_core *core = client->core;
@@ -885,7 +889,7 @@ static void bus_take_done(struct hil_client *client, struct bus *bus, const uint
     }
 }
 
-/* Keeps a received frame as the last one of its message, or takes a DONE. */
+/* Stores a received frame as the last frame of its message, or handles a DONE. */
 static void bus_take_frame(struct hil_client *client, struct bus *bus, uint32_t id,
                            const uint8_t *data, size_t length, int64_t time_ns)
 {
@@ -901,7 +905,7 @@ static void bus_take_frame(struct hil_client *client, struct bus *bus, uint32_t 
     }
 }
 
-/* Takes "frame ID SECONDS.MICROSECONDS BYTES BUS", or fdframe, with FLAGS behind the ID. */
+/* Parses and stores "frame ID SECONDS.MICROSECONDS BYTES BUS". fdframe has FLAGS behind the ID. */
 static void stream_take_frame(struct hil_client *client, char *text)
 {
     char *word[8] = {NULL}, *end;
@@ -935,7 +939,7 @@ static void stream_take_frame(struct hil_client *client, char *text)
     }
 }
 
-/* Takes the commands that have come whole; what is incomplete waits for its end. */
+/* Handles the complete messages in the receive buffer. Keeps an incomplete message for later. */
 static enum hil_client_code stream_take(struct hil_client *client)
 {
     struct hil_client_core *core = client->core;
@@ -963,7 +967,7 @@ static enum hil_client_code stream_take(struct hil_client *client)
                                                      "the gateway sends a command without an end");
 }
 
-/* Receives bytes of the gateway, and takes the commands in them. */
+/* Receives bytes from the gateway and handles the complete messages. */
 static enum hil_client_code stream_receive(struct hil_client *client)
 {
     struct hil_client_core *core = client->core;
@@ -980,7 +984,7 @@ static enum hil_client_code stream_receive(struct hil_client *client)
     return stream_take(client);
 }
 
-/* Sends all that waits for it. */
+/* Sends the whole send buffer to the gateway. Waits up to the deadline. */
 static enum hil_client_code stream_flush(struct hil_client *client)
 {
     struct hil_client_core *core = client->core;
@@ -1007,7 +1011,7 @@ static enum hil_client_code stream_flush(struct hil_client *client)
     return HIL_CLIENT_OK;
 }
 
-/* Takes the frames that an interface has. */
+/* Reads the waiting frames of a SocketCAN interface, at most READS_MAX. */
 static enum hil_client_code interface_receive(struct hil_client *client, struct bus *bus)
 {
     for (int i = 0; i < READS_MAX; i++) {
@@ -1027,7 +1031,7 @@ static enum hil_client_code interface_receive(struct hil_client *client, struct 
     return HIL_CLIENT_OK;
 }
 
-/* Sends a frame; a full queue is waited for. */
+/* Sends a frame to a SocketCAN interface. While its queue is full, retries up to the deadline. */
 static enum hil_client_code interface_send(struct hil_client *client, const struct bus *bus,
                                            const struct canfd_frame *frame, size_t size)
 {
@@ -1045,7 +1049,7 @@ static enum hil_client_code interface_send(struct hil_client *client, const stru
     return HIL_CLIENT_OK;
 }
 
-/* Sends a frame by SocketCAN, or appends it as a command to what goes to the gateway. */
+/* Sends a frame through SocketCAN, or appends its command to the send buffer of the gateway. */
 static enum hil_client_code client_send_frame(struct hil_client *client,
                                               const struct message *message, const uint8_t *data,
                                               size_t length)
@@ -1053,7 +1057,7 @@ static enum hil_client_code client_send_frame(struct hil_client *client,
     struct hil_client_core *core = client->core;
     struct canfd_frame frame = {
         .can_id = message->id, .len = (uint8_t)length, .flags = message->fd ? CANFD_BRS : 0};
-    const size_t room = 512; /* for the longest command, with 64 bytes */
+    const size_t room = 512; /* more than the longest command, a frame of 64 bytes */
     enum hil_client_code code;
     char *out;
 
@@ -1077,7 +1081,7 @@ static enum hil_client_code client_send_frame(struct hil_client *client,
     return HIL_CLIENT_OK;
 }
 
-/* Takes the frames that have come, without waiting. */
+/* Receives the frames that have arrived. Does not wait. */
 static enum hil_client_code client_take(struct hil_client *client)
 {
     struct hil_client_core *core = client->core;
@@ -1092,7 +1096,7 @@ static enum hil_client_code client_take(struct hil_client *client)
     return code;
 }
 
-/* Waits until something comes, and takes it. */
+/* Waits for data up to the deadline, and receives it. */
 static enum hil_client_code client_wait(struct hil_client *client)
 {
     struct hil_client_core *core = client->core;
@@ -1108,14 +1112,14 @@ static enum hil_client_code client_wait(struct hil_client *client)
 
 /* ---- connections ---- */
 
-/* Where a gateway is, the clock of its run, and the hashes of its tables, "BUS=HASH BUS=HASH ...";
- * "" = unknown. */
+/* Contents of the file of --ready: address of the gateway, clock of the run, and hashes of the
+ * run's tables ("BUS=HASH BUS=HASH ..."); "" = unknown. */
 struct place {
     char host[64], clock[16], tables[READY_SIZE];
     uint16_t port;
 };
 
-/* Waits for the file of --ready, and reads where the gateway is. */
+/* Waits for the file of --ready up to the deadline, and reads it. */
 static enum hil_client_code client_read_ready(struct hil_client *client, const char *path,
                                               struct place *place)
 {
@@ -1143,7 +1147,7 @@ static enum hil_client_code client_read_ready(struct hil_client *client, const c
                                      "%.200s names no gateway: run with --gateway 0", path);
 }
 
-/* Connects to the gateway. */
+/* Opens the TCP connection to the gateway. */
 static enum hil_client_code stream_connect(struct hil_client *client, const char *host,
                                            uint16_t port)
 {
@@ -1185,7 +1189,7 @@ static enum hil_client_code stream_connect(struct hil_client *client, const char
     return HIL_CLIENT_OK;
 }
 
-/* Joins all buses of the gateway; each command waits for its answer. */
+/* Opens all buses of the gateway. Waits for the answer to each command. */
 static enum hil_client_code stream_open(struct hil_client *client)
 {
     static const char *const commands[] = {"", "< open all >", "< rawmode >"};
@@ -1202,7 +1206,7 @@ static enum hil_client_code stream_open(struct hil_client *client)
     return code;
 }
 
-/* Opens the interface of a bus, that of its "BUS=INTERFACE" if there is one. */
+/* Opens the SocketCAN interface of a bus. A "BUS=INTERFACE" option replaces the rig's interface. */
 static enum hil_client_code interface_open(struct hil_client *client, struct bus *bus,
                                            const char *const *interfaces)
 {
@@ -1225,8 +1229,8 @@ static enum hil_client_code interface_open(struct hil_client *client, struct bus
     return HIL_CLIENT_OK;
 }
 
-/* Compares the files that were read with the tables of the run, and the clocks. A run that does not
- * say what it has is believed. */
+/* Compares the DBC files and the clock option with those of the run. Skips a comparison if the file
+ * of --ready lacks the value. */
 static enum hil_client_code client_check_place(struct hil_client *client, const struct place *place,
                                                const struct hil_client_options *options)
 {
@@ -1252,8 +1256,8 @@ static enum hil_client_code client_check_place(struct hil_client *client, const 
     return HIL_CLIENT_OK;
 }
 
-/* Connects to the gateway that the file of --ready names. A file whose gateway nobody serves is of
- * a run that was killed: that of the next run is waited for. */
+/* Connects to the gateway that the file of --ready names. If the gateway does not answer, the file
+ * may be from a killed run: reads the file again until the deadline. */
 static enum hil_client_code client_connect_ready(struct hil_client *client,
                                                  const struct hil_client_options *options)
 {
@@ -1282,7 +1286,7 @@ static enum hil_client_code client_connect_ready(struct hil_client *client,
     return code ? code : client_check_place(client, &place, options);
 }
 
-/* Connects to the gateway if there is one, else opens the interfaces of SocketCAN. */
+/* Connects to the gateway of the options, or opens the SocketCAN interfaces. */
 static enum hil_client_code client_connect(struct hil_client *client,
                                            const struct hil_client_options *options)
 {
@@ -1305,7 +1309,7 @@ static enum hil_client_code client_connect(struct hil_client *client,
 
 /* ---- messages of commands ---- */
 
-/* Sends the message with these values, in so many bytes, 0 = as the tables say. */
+/* Sends a message with the given values. length: bytes of the frame; 0 = length from the tables. */
 static enum hil_client_code client_send_values(struct hil_client *client,
                                                const struct message *message, size_t length,
                                                const struct hil_client_value *values, size_t count)
@@ -1335,7 +1339,7 @@ static enum hil_client_code client_send_values(struct hil_client *client,
     return client_send_frame(client, message, data, length ? length : longest);
 }
 
-/* Sends a command of a board; a signal's name is that of the command, then its own. */
+/* Sends a command to a board. A signal's name is COMMAND_signal, such as SET_MOTOR_CONFIG_poles. */
 static enum hil_client_code board_command(struct hil_client *client, const struct board *board,
                                           size_t length, const struct hil_client_value *values,
                                           size_t count)
@@ -1354,7 +1358,8 @@ static bool text_begins(const char *text, const char *begin)
     return !strncmp(text, begin, strlen(begin));
 }
 
-/* Keeps a signal that boards send of a joint where it is a better source than the present one. */
+/* Uses a reported signal as the source of its quantity if it is earlier in the list of sources than
+ * the present source. best: place of the present source in the list. */
 static void joint_take_source(struct joint *joint, const struct signal *signal,
                               const char *best[SOURCES])
 {
@@ -1364,7 +1369,7 @@ static void joint_take_source(struct joint *joint, const struct signal *signal,
     char key[2 * LONG_SIZE + 4];
     size_t length;
 
-    /* The name of the message without that of its sender and a number at the end */
+    /* Remove the sender's name and a final number from the name of the message */
     kind += text_begins(kind, message->sender) && kind[sender] == '_' ? sender + 1 : 0;
     length = strlen(kind);
     while (length > 0 && isdigit((unsigned char)kind[length - 1])) {
@@ -1382,7 +1387,8 @@ static void joint_take_source(struct joint *joint, const struct signal *signal,
     }
 }
 
-/* Keeps a signal that commands a joint. Currents are in mA whatever the mode before was. */
+/* Stores a command signal of a joint: mode or set-point. A current set-point counts 1 mA,
+ * independent of the DBC's scale. */
 static void joint_take_command(struct joint *joint, const struct signal *signal)
 {
     const enum protocol protocol = joint->board->bus->protocol;
@@ -1405,7 +1411,7 @@ static void joint_take_command(struct joint *joint, const struct signal *signal)
     }
 }
 
-/* Finds all signals about a joint. */
+/* Finds the reported signals and the command signals of a joint. */
 static void joint_resolve(const struct hil_client_core *core, struct joint *joint)
 {
     const struct bus *bus = joint->board->bus;
@@ -1425,7 +1431,7 @@ static void joint_resolve(const struct hil_client_core *core, struct joint *join
         }
     }
 
-    /* A target of foc boards counts as the voltage that STATUS reports */
+    /* foc: the target of a voltage has the scale of "pwm" in STATUS */
     for (size_t i = 0; bus->protocol == FOC && status && i < status->count; i++) {
         const struct signal *signal = &core->signal[status->first + i];
 
@@ -1435,7 +1441,7 @@ static void joint_resolve(const struct hil_client_core *core, struct joint *join
     }
 }
 
-/* Finds the channels of a force-torque sensor. */
+/* Finds the signals of the six channels of a force-torque sensor. */
 static void sensor_resolve(const struct hil_client_core *core, struct sensor *sensor)
 {
     static const char *const names[] = {"fx", "fy", "fz", "mx", "my", "mz"};
@@ -1452,7 +1458,7 @@ static void sensor_resolve(const struct hil_client_core *core, struct sensor *se
     }
 }
 
-/* Returns the bits for a joint's set-point; a voltage is limited to the supply. */
+/* Converts a joint's set-point to the bits of its signal. Limits a voltage to the supply. */
 static uint64_t joint_set_point_bits(const struct joint *joint)
 {
     const struct set_point *point = &joint->set_point[joint->quantity];
@@ -1466,13 +1472,13 @@ static uint64_t joint_set_point_bits(const struct joint *joint)
     return signal_encode(point->signal, value, point->scale, point->offset);
 }
 
-/* Sends the set-points: to icub boards a command a motor, to the others a frame for all of them. */
+/* Sends the set-points. icub: one frame per motor. Other protocols: frames shared by motors. */
 static enum hil_client_code client_send_set_points(struct hil_client *client)
 {
     struct hil_client_core *core = client->core;
     enum hil_client_code code = HIL_CLIENT_OK;
 
-    /* A command of one motor goes out at once, shared frames are filled in */
+    /* Send the commands of single motors, and fill the shared frames */
     for (size_t i = 0; i < core->njoint && !code; i++) {
         const struct joint *joint = &core->joint[i];
         const struct signal *signal =
@@ -1490,7 +1496,7 @@ static enum hil_client_code client_send_set_points(struct hil_client *client)
                                      signal->length ? signal->length : signal->message->length);
         }
     }
-    /* Then the shared frames that hold a set-point */
+    /* Send the shared frames that contain a set-point */
     for (size_t i = 0; i < core->nmessage && !code; i++) {
         struct message *message = &core->message[i];
 
@@ -1502,7 +1508,7 @@ static enum hil_client_code client_send_set_points(struct hil_client *client)
     return code;
 }
 
-/* Returns the number that a signal has for a name; 0 = it knows none. */
+/* Returns the number of a signal's named value; 0 = unknown name. */
 static double client_number(const struct hil_client_core *core, const struct signal *signal,
                             const char *text)
 {
@@ -1511,7 +1517,7 @@ static double client_number(const struct hil_client_core *core, const struct sig
     return name ? (double)name->number : 0.0;
 }
 
-/* Switches the chosen joints of a bus: those of compact boards in one frame. */
+/* Switches the chosen joints of a bus to the mode of a quantity. */
 static enum hil_client_code bus_switch(struct hil_client *client, struct bus *bus,
                                        const bool *chosen, enum hil_client_quantity quantity)
 {
@@ -1528,7 +1534,7 @@ static enum hil_client_code bus_switch(struct hil_client *client, struct bus *bu
         if (joint->board->bus != bus || !chosen[i]) {
             continue;
         }
-        /* Boards that take a mode for each motor; of compact boards the slots are collected */
+        /* Send the mode of one motor; for compact boards, collect the slots */
         if (joint->mode) {
             const struct hil_client_value value = {joint->mode->name,
                                                    client_number(core, joint->mode, word)};
@@ -1550,7 +1556,7 @@ static enum hil_client_code bus_switch(struct hil_client *client, struct bus *bu
     return code;
 }
 
-/* Configures a board that drives motors or measures, in the stage of that number. */
+/* Sends the configuration command of a stage (0 to 3) to a motor board or sensor board. */
 static enum hil_client_code board_configure(struct hil_client *client, const struct board *board,
                                             int stage)
 {
@@ -1560,7 +1566,7 @@ static enum hil_client_code board_configure(struct hil_client *client, const str
     const struct hil_client_value version[] = {{"GET_FIRMWARE_VERSION_major", 1.0},
                                                {"GET_FIRMWARE_VERSION_minor", 6.0}};
     const struct hil_client_value motor[] = {
-        {"SET_MOTOR_CONFIG_flags", 1.0}, /* it has an encoder */
+        {"SET_MOTOR_CONFIG_flags", 1.0}, /* has an encoder */
         {"SET_MOTOR_CONFIG_resolution", m->encoder_ticks_per_rev},
         {"SET_MOTOR_CONFIG_poles", m->poles}};
     const struct hil_client_value limit[] = {{"SET_CURRENT_LIMIT_nominal", 1e3 * m->nominal_a},
@@ -1572,7 +1578,7 @@ static enum hil_client_code board_configure(struct hil_client *client, const str
     const char *const reports[] = {"_POSITION", "_STATUS", "_CURRENT", "_MOTOR_POSITION"};
     struct hil_client_value policy = {"SET_BROADCAST_POLICY_mask_0", 0.0};
 
-    /* A force-torque sensor needs one command, a foc motor one in each stage */
+    /* A force-torque sensor needs one command. A foc board needs one per stage */
     if (message_find(core, board->bus, board->name, "_FORCE")) {
         return stage ? HIL_CLIENT_OK : board_command(client, board, 0, &sensor, 1);
     }
@@ -1585,7 +1591,7 @@ static enum hil_client_code board_configure(struct hil_client *client, const str
     if (stage || !board->has_motors) {
         return HIL_CLIENT_OK;
     }
-    /* Motor boards of icub: a bit of the policy for each report that the tables know */
+    /* icub motor boards: enable each report that the tables contain, one bit per report */
     for (size_t i = 0; i < sizeof reports / sizeof *reports; i++) {
         const struct message *message = message_find(core, board->bus, board->name, reports[i]);
 
@@ -1594,7 +1600,8 @@ static enum hil_client_code board_configure(struct hil_client *client, const str
     return board_command(client, board, 0, &policy, 1);
 }
 
-/* Makes the boards of all buses report; those of foc buses need four stages, with ticks between. */
+/* Sends the commands of a configuration stage to all boards, so that they report. foc boards need
+ * four stages, the others only stage 0. Time must pass between stages. */
 static enum hil_client_code client_configure(struct hil_client *client, int stage)
 {
     struct hil_client_core *core = client->core;
@@ -1624,7 +1631,7 @@ static enum hil_client_code client_configure(struct hil_client *client, int stag
 
 /* ---- time ---- */
 
-/* Returns how many ticks one STEP may have before the set-points must be sent again. */
+/* Returns the most ticks in one STEP, so that set-points are sent often enough. */
 static int client_refresh_ticks(const struct hil_client_core *core)
 {
     int ticks = STEP_TICKS;
@@ -1639,8 +1646,8 @@ static int client_refresh_ticks(const struct hil_client_core *core)
     return ticks;
 }
 
-/* Checks whether the DONE of each bus has come; a gateway passes only that of the STEP's bus, as
- * the last frame. The first refusal is enough. */
+/* Returns whether the present STEP is answered. SocketCAN: a DONE on every bus. Gateway: one DONE,
+ * on the bus of the STEP, after all other frames. A refusal on one bus is enough. */
 static bool client_is_done(const struct hil_client_core *core)
 {
     bool done = core->step->bus->done;
@@ -1651,14 +1658,14 @@ static bool client_is_done(const struct hil_client_core *core)
     return done || core->refused;
 }
 
-/* Sends a STEP and receives until it is done. */
+/* Sends a STEP and receives frames until the STEP is answered. */
 static enum hil_client_code client_step_once(struct hil_client *client, int ticks)
 {
     struct hil_client_core *core = client->core;
     const struct hil_client_value values[] = {{"tick", (uint32_t)client->tick}, {"ticks", ticks}};
     enum hil_client_code code = client_send_values(client, core->step, 0, values, 2);
 
-    /* DONE is recognized by these ticks */
+    /* Ticks by which a DONE of this STEP is recognized */
     core->begin = (uint32_t)client->tick;
     core->expected = core->begin + (uint32_t)ticks;
     core->refused = core->stopping = false;
@@ -1697,7 +1704,7 @@ enum hil_client_code hil_client_step(struct hil_client *client, int ticks)
         client_limit_time(core, core->timeout_ms);
         code = client_send_set_points(client);
         code = code ? code : client_step_once(client, count);
-        /* A run at another tick: the first step joins it there, a later one reports it */
+        /* If the run is at another tick, the first step starts there; a later step fails */
         if (!code && core->refused) {
             client->tick = core->told;
             code = !core->joined ? client_step_once(client, count) : HIL_CLIENT_OK;
@@ -1744,7 +1751,7 @@ enum hil_client_code hil_client_receive(struct hil_client *client, int timeout_m
     return code == HIL_CLIENT_TIMEOUT && timeout_ms <= 0 ? HIL_CLIENT_OK : code;
 }
 
-/* Lets so many ticks pass, or milliseconds without lockstep. */
+/* Advances by `ticks`. Without lockstep, writes and receives once per ms instead. */
 static enum hil_client_code client_pass(struct hil_client *client, int ticks)
 {
     const struct timespec tick = {.tv_nsec = 1000000};
@@ -1774,14 +1781,14 @@ enum hil_client_code hil_client_open(struct hil_client *client,
     if (!core) {
         return client_fail(client, HIL_CLIENT_SYSTEM, "no memory");
     }
-    /* The options, with their defaults */
+    /* Copy the options, with defaults */
     core->gateway = -1;
     core->lockstep = options->lockstep;
     core->timeout_ms = options->timeout_ms > 0 ? options->timeout_ms : 10000;
     core->refresh_ticks = options->refresh_ticks > 0 ? options->refresh_ticks : 10;
     core->motor = options->foc ? *options->foc : coman;
 
-    /* The tables, the message STEP, and what each joint and sensor has of them */
+    /* Read the tables; find STEP and the signals of each joint and sensor */
     code = tables_open(client, options->tables, options->rig);
     for (size_t i = 0; i < core->nbus && !core->step && !code; i++) {
         core->step = message_find(core, &core->bus[i], "STEP", "");
@@ -1876,8 +1883,8 @@ enum hil_client_code hil_client_listen(struct hil_client *client)
     return code;
 }
 
-/* Marks the joints of the given names, or all when there are none; an error if a board takes no
- * such set-point. */
+/* Marks the joints with the given names; count 0 = all joints. HIL_CLIENT_BOARD = a joint's board
+ * does not support the quantity. */
 static enum hil_client_code client_choose(struct hil_client *client, const char *const *names,
                                           size_t count, enum hil_client_quantity quantity,
                                           bool chosen[JOINTS_MAX])
@@ -1908,8 +1915,8 @@ static enum hil_client_code client_choose(struct hil_client *client, const char 
     return HIL_CLIENT_OK;
 }
 
-/* Switches the chosen joints, resets their set-points, and lets the boards report their new
- * mode. */
+/* Switches the mode of the chosen joints and resets their set-points. Waits SETTLE_TICKS, so that
+ * the boards report the new mode. */
 static enum hil_client_code client_switch(struct hil_client *client, const bool *chosen,
                                           enum hil_client_quantity quantity)
 {
@@ -1932,7 +1939,7 @@ static enum hil_client_code client_switch(struct hil_client *client, const bool 
     return code ? code : client_pass(client, SETTLE_TICKS);
 }
 
-/* Says why a joint is not on: its board refuses, or no frame has come from any. */
+/* Writes why a joint did not switch on: its board refused, or no board sent a frame. */
 static enum hil_client_code client_fail_enable(struct hil_client *client, const char *joint,
                                                const struct hil_client_joint *state)
 {
@@ -1949,8 +1956,8 @@ static enum hil_client_code client_fail_enable(struct hil_client *client, const 
                        joint, state->mode, state->faults);
 }
 
-/* Asks icub boards for the gains of the loops that get the set-points: a loop whose gains are 0
- * does nothing. A board that does not answer is believed. */
+/* Reads the control gains of icub boards. Fails if all gains of a loop are 0, because the loop then
+ * has no effect. Accepts a board that does not answer. */
 static enum hil_client_code client_check_gains(struct hil_client *client, const bool *chosen,
                                                enum hil_client_quantity quantity)
 {
@@ -1966,7 +1973,7 @@ static enum hil_client_code client_check_gains(struct hil_client *client, const 
         const struct signal *point = joint->set_point[quantity].signal, *gain[3] = {NULL};
         struct hil_client_value command = {"command", 0.0};
 
-        /* Names of an axis end alike, in _0 or _1 */
+        /* The gains' names end with the axis of the set-point signal, _0 or _1 */
         for (int k = 0; k < 3 && chosen[i] && board->bus->protocol == ICUB; k++) {
             char name[NAME_SIZE];
 
@@ -2001,7 +2008,7 @@ enum hil_client_code hil_client_enable(struct hil_client *client, const char *co
     code = code ? code : hil_client_listen(client);
     client_limit_time(core, core->timeout_ms);
     code = code ? code : client_check_gains(client, chosen, quantity);
-    /* Off first, which clears faults, then on */
+    /* Switch off first, because this clears faults; then switch on */
     code = code ? code : client_switch(client, chosen, HIL_CLIENT_OFF);
     if (code || quantity == HIL_CLIENT_OFF) {
         return code;
@@ -2062,7 +2069,7 @@ enum hil_client_code hil_client_read(const struct hil_client *client, int joint,
         return HIL_CLIENT_INPUT;
     }
     j = &client->core->joint[joint];
-    /* Values in SI units; NAN where nothing has come */
+    /* Values in SI units; NAN = not received */
     *state = (struct hil_client_joint){
         .position_rad = signal_value_si(j->source[POSITION]),
         .motor_position_rad = signal_value_si(j->source[MOTOR_POSITION]),
@@ -2072,11 +2079,11 @@ enum hil_client_code hil_client_read(const struct hil_client *client, int joint,
         .mode = "",
         .time_ns = -1,
     };
-    /* Boards that measure the spring: link = motor - deflection */
+    /* Boards that report the spring's deflection: link position = motor position - deflection */
     if (j->source[DEFLECTION]) {
         state->position_rad = state->motor_position_rad - signal_value_si(j->source[DEFLECTION]);
     }
-    /* The mode by its word, which tells whether the motor is on */
+    /* The motor is on if the reported mode is the requested mode */
     if (signal_get(j->source[MODE], &count)) {
         mode = signal_find_name(client->core, j->source[MODE], NULL, count);
         state->mode = mode ? mode->text : "";
@@ -2084,7 +2091,7 @@ enum hil_client_code hil_client_read(const struct hil_client *client, int joint,
     state->faults = signal_get(j->source[FAULTS], &count) ? (uint32_t)count : 0;
     state->is_on = j->quantity && mode &&
                    !strcmp(mode->text, protocols[j->board->bus->protocol].mode[j->quantity]);
-    /* The time of the newest frame */
+    /* Find the time of the newest frame */
     for (int i = 0; i < SOURCES; i++) {
         if (j->source[i] && j->source[i]->message->time_ns > state->time_ns) {
             state->time_ns = j->source[i]->message->time_ns;
