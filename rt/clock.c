@@ -54,7 +54,7 @@ struct clock *clock_monotonic(void)
 /* Interval at which a sleeping thread checks for a new rate, ns. */
 #define LOOK_NS (5 * CLOCK_MS)
 
-/* The present relation of the two clocks: now = own_ns + rate (behind - behind_ns). */
+/* Present line between the two clocks: own time = own_ns + rate (other time - behind_ns). */
 struct line {
     int64_t behind_ns, own_ns;
     double rate;

@@ -19,15 +19,15 @@ struct clock;
 
 struct clock_ops {
     int64_t (*now)(struct clock *clock);
-    /* Sleeps until the deadline. A signal may end the sleep early, so the caller checks now()
-     * again. */
+    /* Sleeps until the deadline. A signal may end the sleep early, so the caller must check
+     * now(). */
     void (*sleep_until)(struct clock *clock, int64_t deadline_ns);
     /* Waits until a descriptor is readable, the deadline passes, or a signal arrives. */
     void (*wait_readable)(struct clock *clock, struct pollfd *fds, size_t count,
                           int64_t deadline_ns);
 };
 
-/* The base of each implementation: its private struct begins with this one. */
+/* Base of all clocks. The private struct of an implementation begins with this struct. */
 struct clock {
     const struct clock_ops *ops;
 };

@@ -7,8 +7,8 @@
 
 enum { SUB = 1 << HISTOGRAM_SUB_BITS };
 
-/* Returns the bucket of a value. Each value below 2 SUB has its own; above, the leading SUB_BITS +
- * 1 bits select the bucket. */
+/* Returns the bucket of a value. Each value below 2 SUB has its own bucket. Above, the leading
+ * SUB_BITS + 1 bits of the value select the bucket. */
 static unsigned histogram_bucket_of(uint64_t value)
 {
     unsigned shift, index;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A histogram of durations in fixed memory. Buckets are 1 ns wide up to 128 ns; above, each power
- * of two has 64 buckets. A percentile is therefore never below the true one and at most 1/64 above
- * it. One thread writes. Others copy with histogram_copy during the run, or read after it. RT-safe.
+ * of two has 64 buckets. A percentile is therefore between the true value and 1/64 above it. One
+ * thread writes. Others copy with histogram_copy during the run, or read after it. RT-safe.
  */
 #ifndef RT_HISTOGRAM_H
 #define RT_HISTOGRAM_H

@@ -8,7 +8,7 @@
 
 /* ---- the configuration ---- */
 
-/* Stands for a NULL function, so that a frame costs no check. */
+/* Replaces a NULL function of the machine, so that the loop needs no check per frame. */
 static void ignore_frame(void *context, int64_t now_ns, size_t bus, const struct bus_frame *frame)
 {
     (void)context, (void)now_ns, (void)bus, (void)frame;
@@ -23,7 +23,7 @@ static bool loop_complete_config(struct loop_config *config, struct arena *arena
     config->stop_after = config->stop_after ? config->stop_after : 1;
     config->time = config->time ? config->time : clock_monotonic();
     config->machine.receive = config->machine.receive ? config->machine.receive : ignore_frame;
-    /* Equal identifiers mean unset ones */
+    /* Equal identifiers are not set: use the defaults */
     if (lockstep->step_id == lockstep->done_id) {
         lockstep->step_id = LOCKSTEP_STEP_ID;
         lockstep->done_id = LOCKSTEP_DONE_ID;
@@ -158,8 +158,8 @@ static bool wait_for_deadline(struct loop *loop)
             break;
         }
 
-        /* Requests may interrupt the sleep far from the deadline, but not close to it; frames
-         * until shortly before it */
+        /* A request may interrupt the sleep only far from the deadline; frames may until shortly
+         * before it */
         asks = loop->config.requests && loop->deadline_ns - now > 2 * POLL_SLICE_NS;
         until = loop->deadline_ns - (asks ? POLL_SLICE_NS : 0);
         until = asks && now + WAIT_SLICE_NS < until ? now + WAIT_SLICE_NS : until;
@@ -182,7 +182,7 @@ static bool wait_for_deadline(struct loop *loop)
     }
     loop_arrivals_end(loop);
 
-    /* The tick is charged from its reference time on; the histogram counts the late wake-up */
+    /* The tick's duration counts from reference_ns; the histogram gets the delay of the wake-up */
     loop->reference_ns =
         loop->deadline_ns > loop->last_end_ns ? loop->deadline_ns : loop->last_end_ns;
     if (slept) {
@@ -211,7 +211,7 @@ static bool loop_wait_by_clock(struct loop *loop)
 
 /* ---- frames ---- */
 
-/* Checks whether the loop records a frame: every frame, or only frames that no wire records. */
+/* Checks whether the loop records a frame, according to config.recording. */
 static bool loop_records_frame(const struct loop *loop, const struct bus_frame *frame)
 {
     const struct loop_lockstep *lockstep = &loop->config.lockstep;
@@ -272,7 +272,7 @@ void loop_send_done(struct loop *loop, uint16_t flags)
     const size_t last = (size_t)loop->config.lockstep.bus;
     struct bus_frame done = lockstep_done(&loop->lockstep, flags);
 
-    /* Send DONE in a batch of its own, so that it passes even when the boards' frames are lost */
+    /* Send DONE in a separate batch, so that it is sent even if the boards' frames are lost */
     done.time_ns = loop->stats.time_ns;
     for (size_t b = 0; b < loop->config.nbus; b++) {
         if (b != last) {
@@ -295,7 +295,7 @@ void loop_count_lost(const struct loop *loop, uint64_t *rx, uint64_t *tx)
 
 /* ---- the phases of a tick ---- */
 
-/* Ends a phase: stores its duration for the overrun accounts and adds it to the phase's
+/* Ends a phase: stores its duration for a possible overrun, and adds it to the phase's
  * histogram. */
 static LOOP_NOINLINE void loop_phase_end(struct loop *loop, enum loop_phase phase)
 {
@@ -326,7 +326,7 @@ static bool loop_wait(struct loop *loop)
 
     loop_phase_end(loop, PHASE_WAIT);
     if (loop->config.clock == LOOP_CLOCK_REAL) {
-        /* Charge an overrun only with the late wake-up, not with the sleep */
+        /* The wait's share of an overrun is the delay of the wake-up, not the sleep */
         loop->spent[PHASE_WAIT] = loop->mark_ns - loop->reference_ns - loop->spent[PHASE_ARRIVALS];
     }
     loop->work_begin_ns = loop->mark_ns;
@@ -419,7 +419,7 @@ static void loop_watch_buses(struct loop *loop)
     }
 }
 
-/* Publishes state and accounts to other threads and ends the tick's work. */
+/* Publishes state and statistics to other threads, and ends the tick's work. */
 static LOOP_NOINLINE void loop_publish(struct loop *loop)
 {
     const struct loop_machine *machine = &loop->config.machine;
@@ -453,7 +453,7 @@ static void loop_run_tick(struct loop *loop)
         loop_requests_tick_begins(loop);
     }
 
-    /* Frames to motor voltages to motion to measured values to frames */
+    /* Run the phases: receive frames, apply them, move the plant, measure, send frames */
     loop_receive(loop);
     if (machine->control) {
         machine->control(machine->context, begin_ns);
@@ -466,7 +466,7 @@ static void loop_run_tick(struct loop *loop)
     loop_transmit(loop);
     loop_publish(loop);
 
-    /* Account for the deadline, and set the next one */
+    /* Count an overrun or a late tick, and set the next deadline */
     if (loop->config.clock == LOOP_CLOCK_REAL) {
         overrun_account_tick(loop, loop->mark_ns);
     } else if (loop_is_paced(loop)) {

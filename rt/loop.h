@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The real-time loop: one step function behind three clocks. The loop owns time, the phases of a
- * tick, and the accounts of both. The work of each phase comes in as a table of functions, struct
- * loop_machine. Any program can supply its own machine (tests/rt/ten_lines.c), and tests script
- * machine and clock.
+ * The real-time loop: the same tick under three clocks. The loop keeps time, runs the phases of a
+ * tick, and measures both. A table of functions, struct loop_machine, does the work of each phase.
+ * Any program can supply its own machine (tests/rt/ten_lines.c). Tests script machine and clock.
  *
  * Tick k (from 0) covers virtual time [k T, (k+1) T). Virtual times are int64_t ns from 0. Clock
  * times are ns of rt/clock.h.
@@ -12,39 +11,43 @@
  * drift. A tick is an overrun when it ends after the next deadline and took longer than T. The
  * overrun is charged to the phase that took longest, or to PHASE_WAIT after a late wake-up. Then
  * the policy applies:
- *   skip  drops and counts the missed deadlines: virtual time falls behind by as many ticks;
- *   slip  runs the late ticks back to back until the loop has caught up; a tick that is late only
- *         because an earlier one was counts as late, not as an overrun;
+ *   skip  drops and counts the missed deadlines. Virtual time falls behind by one tick per
+ *         deadline.
+ *   slip  runs the late ticks back to back until the loop has caught up. A tick that is late only
+ *         because of an earlier tick counts as late, not as an overrun.
  *   stop  acts as skip, and ends the run at overrun number stop_after.
  *
- * A loop that is more than LOOP_PAUSE_NS behind was stopped, suspended or hopelessly overloaded. It
- * then counts a pause and continues at the next deadline of the grid, under any policy.
+ * If the loop is more than LOOP_PAUSE_NS behind, the process was stopped, suspended or badly
+ * overloaded. Under any policy, the loop then counts a pause and continues at the next deadline of
+ * the grid.
  *
- * The accounts of the real clock balance, as long as no request changes the speed or pauses the
- * loop. start_ns + (ticks + lost_ticks + pause_ticks) T is the deadline of the next tick. The last
- * tick ended before this deadline, by less than T. With slip it may have ended up to LOOP_PAUSE_NS
- * after it. The sum of overruns[] is overrun_total.
+ * The statistics of the real clock add up unless a request changes the speed or pauses the loop.
+ * start_ns + (ticks + lost_ticks + pause_ticks) T is the deadline of the next tick. The last tick
+ * ended before this deadline, by less than T. With slip it may have ended up to LOOP_PAUSE_NS after
+ * it. The sum of overruns[] is overrun_total.
  *
  * The loop does not use the time of day, because users may set it. The monotonic clock stands still
  * while a computer is suspended. Virtual time stands still in a pause: no board acts, and no
- * command time-out runs. The first tick after a pause receives the frames that the buses kept, in
- * order, and counts the lost ones. If the controller did not survive the pause, its motors are at 0
- * V one command time-out later.
+ * command time-out runs. The first tick after a pause receives the frames that waited on the buses,
+ * in order, and counts the lost ones. If the controller sends nothing after the pause, its motors
+ * are at 0 V one command time-out later.
  *
- * Between two ticks of the real clock the loop receives too, if the machine can answer and somebody
- * may send (machine.listens). A frame goes to the machine at once, and its answers leave at once.
- * Set-points take effect in the next tick. The work ends LOOP_ARRIVALS_MAX frames after the last
- * tick, or shortly before the deadline; later frames wait for the tick. Its time is in
- * PHASE_ARRIVALS, not in PHASE_WAIT. Periodic frames stay in the tick.
+ * Arrivals. With the real clock, the loop also receives frames between two ticks. Conditions: the
+ * machine has `answer`, and `listens` returns true. The machine gets each frame at once, and the
+ * loop sends the answers at once. Set-points take effect in the next tick. The loop stops receiving
+ * after LOOP_ARRIVALS_MAX frames or shortly before the deadline; later frames wait for the tick.
+ * The time of this work is in PHASE_ARRIVALS, not in PHASE_WAIT. Periodic frames are sent only in
+ * the tick.
  *
- * No bus can stall the loop. A tick takes at most LOOP_RECEIVE_MAX frames from each bus; the rest
- * waits, or is lost and counted. The same limit holds between two checks for a STEP.
+ * No bus can stall the loop. A tick takes at most LOOP_RECEIVE_MAX frames from each bus; the other
+ * frames wait, or are lost and counted. The same limit holds between two checks for a STEP.
  *
  * Lockstep. A STEP frame requests ticks. Before the tick, the loop receives each bus in order: all
  * waiting frames, on the STEP's own bus all frames up to the STEP. A frame that arrives while a
  * STEP of several ticks runs belongs to the next STEP. A frame that a wire in virtual time delivers
  * belongs to the tick. After the last frame of the last tick, DONE follows on every bus, on the
- * STEP's own bus last. Its overrun flag says that a bus has lost frames since the last DONE.
+ * STEP's own bus last. The overrun flag of DONE means that a bus has lost frames since the last
+ * DONE.
  *
  * Free run. The loop never waits.
  *
@@ -75,7 +78,7 @@ enum loop_phase {
     PHASE_SENSORS,
     PHASE_TRANSMIT,
     PHASE_PUBLISH,
-    PHASE_ARRIVALS, /* within the wait; last, because it is no phase of the tick */
+    PHASE_ARRIVALS, /* part of the wait, not a phase of the tick; therefore last */
     PHASE_COUNT,
 };
 
@@ -86,7 +89,7 @@ enum {
     LOOP_ARRIVALS_MAX = 256,  /* most frames taken from all buses between two ticks */
 };
 
-/* The accounts of a run. Only the loop's thread writes them. */
+/* Statistics of a run. Only the loop's thread writes them. */
 struct loop_stats {
     uint64_t ticks;
     int64_t time_ns;          /* virtual time: ticks * T */
@@ -94,9 +97,9 @@ struct loop_stats {
     uint64_t overruns[PHASE_COUNT], overrun_total;
     uint64_t late_ticks;          /* ended late because an earlier tick was late (slip) */
     uint64_t lost_ticks;          /* deadlines dropped by skip and stop */
-    uint64_t pauses, pause_ticks; /* deadlines that the pauses dropped */
+    uint64_t pauses, pause_ticks; /* number of pauses, and of deadlines dropped in them */
     uint64_t arrivals;            /* frames received between ticks */
-    uint64_t arrivals_full;       /* how often LOOP_ARRIVALS_MAX frames came between two ticks */
+    uint64_t arrivals_full;       /* number of times when this reached LOOP_ARRIVALS_MAX */
     uint64_t events_lost;         /* events dropped because their ring was full */
     uint64_t page_faults;         /* page faults of the loop's thread during the run */
     struct lockstep_counters lockstep;
@@ -106,12 +109,12 @@ struct loop_stats {
 };
 
 /*
- * The machine that the loop drives: one function for each step of a tick, in order. All run in the
- * loop's thread and must be RT-safe. A NULL function does nothing; where it would return bool, the
- * loop assumes true, but false for fault.
+ * The machine that the loop drives: one function per step of a tick, in order. All functions run in
+ * the loop's thread and must be RT-safe. NULL = no function. For a NULL function that returns bool,
+ * the loop assumes true, except false for `fault`.
  *
- * now_ns is virtual time, the only clock that a phase may use. begin to plant get the beginning of
- * the tick, sample to publish its end.
+ * now_ns is virtual time. The functions must use no other clock. The functions from `begin` to
+ * `plant` get the beginning of the tick, the functions from `sample` to `publish` its end.
  */
 struct loop_machine {
     void *context;
@@ -124,18 +127,19 @@ struct loop_machine {
      * tick that its last frames request, then ends. */
     bool (*controller)(void *context, int64_t now_ns);
     void (*receive)(void *context, int64_t now_ns, size_t bus, const struct bus_frame *frame);
-    /* Collects the frames that answer what receive has delivered between two ticks. NULL = answers
-     * leave with transmit, and the loop receives in ticks only. */
+    /* Returns the answers to frames that `receive` delivered between two ticks. NULL = the loop
+     * receives only in ticks, and `transmit` returns the answers. */
     size_t (*answer)(void *context, int64_t now_ns, size_t bus, struct bus_frame *frames,
                      size_t max);
-    /* Whether anybody may send between ticks; false saves the loop the system calls. NULL = yes. */
+    /* Returns whether frames can arrive between ticks. False saves the loop the system calls. NULL
+     * = true. */
     bool (*listens)(void *context);
     void (*control)(void *context, int64_t now_ns);
-    bool (*plant)(void *context, int64_t now_ns);  /* false = the model failed; ends the run */
+    bool (*plant)(void *context, int64_t now_ns);  /* false = the model failed; the run ends */
     bool (*sample)(void *context, int64_t now_ns); /* as plant */
-    /* Moves buses that have their own virtual time to the end of the tick, before the boards
-     * transmit. NULL = frames take no time; in lockstep the loop then receives once per STEP, not
-     * every tick. */
+    /* Advances buses with wire time (wire mode) to the end of the tick, before the boards transmit.
+     * NULL = frames take no time. In lockstep the loop then receives once per STEP, not every
+     * tick. */
     void (*advance)(void *context, int64_t now_ns);
     size_t (*transmit)(void *context, int64_t now_ns, size_t bus, struct bus_frame *frames,
                        size_t max);
@@ -168,8 +172,7 @@ struct loop_config {
     uint64_t ticks;                /* length of the run in ticks; 0 = until stopped */
     size_t nbus;
     struct can_port *const *port;
-    /* for each bus, the most frames that the machine sends in a tick; NULL =
-     * LOOP_TRANSMIT_DEFAULT */
+    /* per bus: most frames that the machine sends in a tick; NULL = LOOP_TRANSMIT_DEFAULT */
     const size_t *transmit_max;
     struct clock *time; /* NULL = clock_monotonic */
     struct loop_machine machine;
@@ -191,12 +194,12 @@ enum loop_event_kind {
     LOOP_EVENT_OVERRUN,        /* a = phase, b = ns over */
     LOOP_EVENT_PAUSE,          /* a = ns behind the deadline */
     LOOP_EVENT_BUS_STATE,      /* a = old, b = new enum can_port_state */
-    LOOP_EVENT_ARRIVALS,       /* a = frames of the bus and others between two ticks: the most */
+    LOOP_EVENT_ARRIVALS,       /* a = LOOP_ARRIVALS_MAX frames between two ticks */
     LOOP_EVENT_FRAMES_LOST,    /* a = receive losses, b = send losses, since the last such event */
     LOOP_EVENT_SILENT,         /* a = ns without STEP */
-    LOOP_EVENT_BACK,           /* STEP again after a silence of a ns */
+    LOOP_EVENT_BACK,           /* STEP received again; a = ns of silence */
     LOOP_EVENT_STEP_MISMATCH,  /* a = tick that the host expected, b = tick of the simulator */
-    LOOP_EVENT_STEP_MALFORMED, /* a = length */
+    LOOP_EVENT_STEP_MALFORMED, /* a = length, bytes */
     /* Requests that the loop carried out */
     LOOP_EVENT_PAUSED,     /* a = tick */
     LOOP_EVENT_RESUMED,    /* a = tick */
@@ -204,7 +207,7 @@ enum loop_event_kind {
     LOOP_EVENT_CHECKPOINT, /* a = slot, b = tick */
     LOOP_EVENT_RESTORED,   /* a = slot, b = tick */
     LOOP_EVENT_PUSH,       /* a = body, b = mN */
-    LOOP_EVENT_LET_GO,     /* a = body, b = greatest force, mN: end of a renewed push */
+    LOOP_EVENT_LET_GO,     /* end of a renewed push; a = body, b = greatest force, mN */
     LOOP_EVENT_SET,        /* a = tunable, b = bits of the double */
 };
 
@@ -226,20 +229,20 @@ enum error_code loop_create(const struct loop_config *config, struct arena *aren
 /* Runs the loop until its end; call it once. RT-safe if the machine and the ports are. */
 enum loop_end loop_run(struct loop *loop);
 
-/* Asks for a clean end; from any thread or signal handler. RT-safe. */
+/* Requests a clean end of the run. From any thread or signal handler. RT-safe. */
 void loop_stop(struct loop *loop);
 
-/* Returns a counter that changes as long as the loop is alive, even during a wait for STEP. From
- * any thread. RT-safe. */
+/* Returns a counter that changes while the loop runs, even during a wait for STEP. From any thread.
+ * RT-safe. */
 uint64_t loop_beat(const struct loop *loop);
 
-/* Returns the accounts of the run. Other threads read them after the run; during the run they may
- * copy only the histograms (histogram_copy). */
+/* Returns the statistics of the run. During the run, other threads may only copy the histograms
+ * (histogram_copy). After the run, they may read everything. */
 const struct loop_stats *loop_stats(const struct loop *loop);
 
-/* loop_next_event takes one event; false = none waits. loop_format_event writes it as one line of
- * text, terminated. Call both from one thread other than the loop's. Taking is RT-safe, formatting
- * is not. */
+/* loop_next_event removes the oldest event from the queue; false = the queue is empty.
+ * loop_format_event writes an event as one line of text with a terminating zero. Call both from one
+ * thread other than the loop's. loop_next_event is RT-safe, loop_format_event is not. */
 bool loop_next_event(struct loop *loop, struct loop_event *event);
 void loop_event_format(const struct loop *loop, const struct loop_event *event, char *text,
                        size_t size);
@@ -248,14 +251,14 @@ void loop_event_format(const struct loop *loop, const struct loop_event *event, 
 const char *loop_phase_name(enum loop_phase phase);
 
 /*
- * What each phase of a tick does and may cost. The budget is in instructions of an x86-64 processor
- * as callgrind counts them, mean of a tick, for COMAN's squat on five buses in wire mode. At one
+ * Description and cost of each phase of a tick. The budget is the mean number of x86-64
+ * instructions per tick, counted by callgrind, for COMAN's squat on five buses in wire mode. At one
  * instruction per ns, which every lab PC exceeds, 10,000 instructions are 1 % of a 1 ms tick.
  * tests/rt/phase_instructions.sh checks the budget.
  */
 struct phase_budget {
     const char *does;
-    uint32_t instructions; /* 0 = no budget: the wait */
+    uint32_t instructions; /* 0 = no budget (the wait) */
     /* real time on a virtual machine of two cores: median, 99th percentile */
     double typical_us, worst_us;
 };

@@ -3,10 +3,11 @@
  * rt/loop.h states the rules. */
 #include "rt/loop_private.h"
 
-/* No frame is taken closer than this to the deadline, ns: longer than the work for one batch. */
+/* The loop stops receiving this long before the deadline, ns. Longer than the work for one
+ * batch. */
 #define ARRIVALS_GUARD_NS INT64_C(60000)
 
-enum { ARRIVALS_BATCH = 16 }; /* frames between two looks at the clock */
+enum { ARRIVALS_BATCH = 16 }; /* frames between two readings of the clock */
 
 bool loop_arrivals_create(struct loop *loop, struct arena *arena)
 {
@@ -69,8 +70,7 @@ int64_t loop_arrivals_serve(struct loop *loop, int64_t begin_ns)
                 loop_emit_event(loop, LOOP_EVENT_ARRIVALS, (int)b, LOOP_ARRIVALS_MAX, 0);
             }
         }
-        /* A descriptor that stays readable without a frame, as that of a lost interface does, must
-         * not keep the loop awake */
+        /* A readable descriptor without a frame (lost interface) must not keep the loop awake */
         loop->arrivals_ended = loop->arrivals_ended || (loop->poll[b].revents && total == 0);
     }
     loop->arrivals_ns += now - begin_ns;
@@ -83,7 +83,7 @@ int64_t loop_arrivals_serve(struct loop *loop, int64_t begin_ns)
 
 void loop_arrivals_end(struct loop *loop)
 {
-    /* The wait does not count the work for arrivals, and an overrun counts what ended late */
+    /* Exclude the work for arrivals from the wait; include work after the deadline in an overrun */
     loop->mark_ns += loop->arrivals_ns;
     loop->spent[PHASE_ARRIVALS] = loop->arrivals_late_ns;
     if (loop->arrivals > 0) {

@@ -51,7 +51,7 @@ static bool step_accept_frame(struct loop *loop, const struct bus_frame *frame)
     case LOCKSTEP_REFUSED:
         loop_emit_event(loop, LOOP_EVENT_STEP_MISMATCH, bus, loop->lockstep.expected,
                         loop->lockstep.tick);
-        /* publish the counters now, because no tick follows */
+        /* publish the counters now, because a refused STEP runs no tick */
         loop->stats.lockstep = loop->lockstep.counters;
         loop_send_done(loop, LOCKSTEP_MISMATCH);
         break;
@@ -120,8 +120,8 @@ bool loop_wait_for_step(struct loop *loop)
     int bus = loop->config.lockstep.bus;
     int64_t now = loop->mark_ns, silent;
 
-    /* Do not wait when ticks of the last STEP are left, or when a REQUEST_STEP replaces a STEP. An
-     * inline controller sends its own STEPs, so a request never replaces them */
+    /* Do not wait while ticks of the last STEP remain, or when a REQUEST_STEP replaces a STEP. A
+     * request never replaces the STEP of an inline controller */
     loop->step_begins = loop->lockstep.ticks == 0;
     if (loop->step_begins) {
         loop->step_asked = left > 0 && !loop->config.machine.controller;
@@ -133,7 +133,7 @@ bool loop_wait_for_step(struct loop *loop)
         return !loop_stop_requested(loop);
     }
 
-    /* Measure the silence from the first wait, across interruptions by requests */
+    /* Measure the silence from the first wait on; requests do not restart it */
     if (!loop->awaiting) {
         lockstep_wait_begin(&loop->lockstep, now);
         loop->awaiting = true;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Functions and state that the files of the loop share. loop.c runs the tick and waits for its
- * time. loop_lockstep.c waits for its STEP frame. overrun.c keeps the accounts of the real clock.
- * loop_requests.c carries out requests between two ticks, and requests.c holds their rings.
+ * time. loop_lockstep.c waits for its STEP frame. overrun.c counts overruns and pauses of the real
+ * clock. loop_requests.c carries out requests between two ticks, and requests.c holds their rings.
  * loop_events.c formats events for the log. All functions run in the loop's thread and are RT-safe
  * unless noted.
  */
@@ -15,15 +15,15 @@
 
 #include <stdatomic.h>
 
-/* Keeps a function from being inlined. Its probe then has one address, a profile shows its name,
- * and the budget test (phase_budgets) counts its instructions. */
+/* Prevents inlining of a function. Its probe then has one address, a profile shows its name, and
+ * the budget test (phase_budgets) counts its instructions. */
 #define LOOP_NOINLINE __attribute__((noinline))
 
 enum {
     BATCH = 64,      /* frames per receive call */
     HELD_MAX = 1024, /* most frames of the STEP's bus held back until the STEP comes */
     EVENT_RING = 1024,
-    WAIT_SLICE_NS = 100000000, /* longest sleep: the loop reads the stop flag at least this often */
+    WAIT_SLICE_NS = 100000000, /* longest sleep between two checks of the stop flag */
     POLL_SLICE_NS = 10000000,  /* longest sleep when the port has closed and has no descriptor */
 };
 
@@ -37,12 +37,12 @@ struct loop_moment {
     struct bus_frame *held;   /* HELD_MAX frames; NULL except in lockstep */
 };
 
-/* The last push. A viewer renews a push while the user drags: the log then has one event at its
- * beginning and one at its end. */
+/* The last push. A viewer renews a push while the user drags. The log then has one event at the
+ * beginning and one at the end of the whole push. */
 struct loop_push {
     size_t body;
     int64_t until_ns; /* virtual time at which it ends */
-    int64_t told_mn;  /* force in its last event */
+    int64_t told_mn;  /* force in the last event about it */
     int64_t most_mn;  /* its greatest force */
 };
 
@@ -76,10 +76,10 @@ struct loop_requests {
 };
 
 struct loop {
-    struct loop_config config; /* with all defaults filled in */
+    struct loop_config config; /* with defaults applied */
     struct loop_stats stats;
     atomic_bool stop;
-    _Atomic uint64_t beat; /* loop_beat */
+    _Atomic uint64_t beat; /* counter of loop_beat */
     enum loop_end end;
 
     /* The tick being run */
@@ -90,7 +90,7 @@ struct loop {
     /* Real clock and paced free run */
     int64_t period_ns; /* tick T divided by the speed; 0 = no grid, as fast as possible */
     int64_t deadline_ns;
-    /* earliest possible beginning of the tick: its deadline, or the end of the last tick */
+    /* earliest possible start of the tick: max of its deadline and the end of the last tick */
     int64_t reference_ns;
     int64_t last_end_ns;
 
@@ -105,10 +105,10 @@ struct loop {
     size_t held_seen;
 
     /* Frames between ticks */
-    struct pollfd *poll;                   /* descriptor of each bus, and room for one more */
+    struct pollfd *poll;                   /* descriptors of the buses, and room for one more */
     size_t arrivals;                       /* frames since the last tick */
-    int64_t arrivals_ns, arrivals_late_ns; /* time spent on them; part of it behind the deadline */
-    bool arrivals_ended;                   /* the loop receives no more before the tick */
+    int64_t arrivals_ns, arrivals_late_ns; /* work for these frames; part after the deadline */
+    bool arrivals_ended;                   /* the loop receives no more frames before the tick */
 
     struct bus_frame *batch;    /* BATCH received frames */
     struct bus_frame *outgoing; /* frames to send: largest transmit_max + DONE */
@@ -130,7 +130,7 @@ void loop_emit_event(struct loop *loop, enum loop_event_kind kind, int bus, int6
 /* Advances the beat, at each wake-up. Returns whether the run must end. */
 bool loop_stop_requested(struct loop *loop);
 
-/* Steps the inline controller, if any. Returns false when it has finished. */
+/* Steps the inline controller. Returns false when it has finished; true if there is none. */
 bool loop_step_controller(struct loop *loop);
 
 /* Sends the first `count` outgoing frames, and records the frames that the port accepted. */
@@ -145,8 +145,8 @@ void loop_deliver_frame(struct loop *loop, size_t bus, const struct bus_frame *f
 /* Counts the frames that all ports have lost so far, on receive and on send. */
 void loop_count_lost(const struct loop *loop, uint64_t *rx, uint64_t *tx);
 
-/* Sends DONE on every bus, on the STEP's bus last: the controller that reads it there has all other
- * frames. */
+/* Sends DONE on every bus, on the STEP's bus last. A controller that reads this last DONE has
+ * therefore received all other frames. */
 void loop_send_done(struct loop *loop, uint16_t flags);
 
 /* Checks whether the loop runs free at a given speed, on a grid of deadlines. */
@@ -155,7 +155,7 @@ static inline bool loop_is_paced(const struct loop *loop)
     return loop->config.clock == LOOP_CLOCK_FREE && loop->requests.speed > 0.0;
 }
 
-/* Calls the machine before a sleep. */
+/* Calls machine.idle, if it exists, before a sleep. */
 static inline void loop_idle(const struct loop *loop)
 {
     if (loop->config.machine.idle) {
@@ -163,7 +163,7 @@ static inline void loop_idle(const struct loop *loop)
     }
 }
 
-/* Checks whether a request waits and its answer has room. */
+/* Checks whether a request waits and the ring of answers has room. */
 static inline bool loop_request_waits(const struct loop *loop)
 {
     const struct requests *requests = loop->config.requests;
@@ -181,10 +181,11 @@ bool loop_arrivals_create(struct loop *loop, struct arena *arena);
  * *until_ns. Returns false when the loop receives in the tick only. */
 bool loop_arrivals_begin(struct loop *loop, int64_t now_ns, int64_t *until_ns);
 
-/* Receives and answers frames of the readable buses, within its limits. Returns the time. */
+/* Receives and answers frames of the readable buses, up to the limits in rt/loop.h. Returns the
+ * time at the end. */
 int64_t loop_arrivals_serve(struct loop *loop, int64_t begin_ns);
 
-/* Accounts for the arrivals of a wait that has ended. */
+/* Subtracts the work for arrivals from the wait, after the wait has ended. */
 void loop_arrivals_end(struct loop *loop);
 
 /* ---- loop_lockstep.c ---- */
@@ -196,27 +197,26 @@ bool loop_wait_for_step(struct loop *loop);
 /* Delivers the held frames that came before the STEP. */
 void loop_deliver_held(struct loop *loop);
 
-/* Delivers the frames that a wire brings on the STEP's bus while a STEP runs. Keeps the next STEP
- * and the frames behind it, if they have arrived. */
+/* Delivers the frames that a wire carried on the STEP's bus while a STEP runs. If the next STEP has
+ * arrived, holds this STEP and the frames after it. */
 void loop_drain_step_bus(struct loop *loop);
 
 /* ---- overrun.c ---- */
 
-/* Accounts for a tick that ended at clock time now_ns: in time, late or overrun. Sets the next
+/* Counts a tick that ended at clock time now_ns as in time, late or overrun. Sets the next
  * deadline. */
 void overrun_account_tick(struct loop *loop, int64_t now_ns);
 
 /* Counts a pause of the process and continues at the next deadline of the grid. */
 void overrun_skip_pause(struct loop *loop, int64_t now_ns);
 
-/* Sets the next deadline of a paced free run. Such a run has no accounts: lost time is not made
- * up. */
+/* Sets the next deadline of a paced free run. A paced free run counts no overruns, and lost time
+ * stays lost. */
 void overrun_pace_tick(struct loop *loop, int64_t now_ns);
 
 /* ---- loop_requests.c; only with config.requests ---- */
 
-/* Publishes the values of the tunables. Without `all`, does so only when a value may have
- * changed. */
+/* Publishes the values of the tunables. all false: only if a value may have changed. */
 void requests_publish_values(struct requests *requests, bool all);
 
 /* Allocates the state of requests from arena; false = out of memory. Not RT-safe. */
@@ -225,15 +225,16 @@ bool loop_requests_create(struct loop *loop, struct arena *arena);
 /* Saves the start as checkpoint 0, before the first tick. */
 void loop_requests_begin(struct loop *loop);
 
-/* Carries out the requests between two ticks, and waits while the loop is paused. False = the
- * run is to end. */
+/* Carries out the requests between two ticks, and waits while the loop is paused. False = the run
+ * must end. */
 bool loop_requests_carry_out(struct loop *loop);
 
 /* Sleeps until a request comes, one of the first `count` descriptors of loop->poll is readable, or
  * until_ns. */
 void loop_requests_sleep(struct loop *loop, size_t count, int64_t until_ns);
 
-/* Advance requests at the beginning of a tick; count down a REQUEST_STEP at its end. */
+/* loop_requests_tick_begins advances the effects of requests. loop_requests_tick_ended counts down
+ * a REQUEST_STEP. */
 void loop_requests_tick_begins(struct loop *loop);
 void loop_requests_tick_ended(struct loop *loop);
 

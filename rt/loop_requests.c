@@ -7,7 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Range of the speed, in virtual seconds a second. */
+/* Range of the speed, virtual seconds per second. */
 #define SPEED_MIN 0.001
 #define SPEED_MAX 1000.0
 
@@ -37,7 +37,8 @@ bool loop_requests_create(struct loop *loop, struct arena *arena)
 
 /* ---- the rings ---- */
 
-/* Takes the next request. Returns false when none waits or the ring of answers has no room. */
+/* Removes the next request from the ring. Returns false if there is none, or if the ring of answers
+ * has no room. */
 static bool request_take(struct loop *loop, struct loop_request *request)
 {
     struct requests *requests = loop->config.requests;
@@ -49,8 +50,8 @@ static bool request_take(struct loop *loop, struct loop_request *request)
     return true;
 }
 
-/* Answers a taken request with the present tick and time. The answer has room: request_take takes
- * no request unless it fits. */
+/* Answers a taken request with the present tick and time. The ring has room for the answer, because
+ * request_take checked it. */
 static void request_reply(struct loop *loop, uint64_t ticket, enum request_verdict verdict)
 {
     struct requests *requests = loop->config.requests;
@@ -94,7 +95,7 @@ static void loop_save_moment(struct loop *loop, struct loop_moment *moment)
     moment->ticks = loop->stats.ticks;
     moment->lockstep = loop->lockstep;
     if (loop->step_asked) {
-        moment->lockstep.ticks = 0; /* going back does not repeat a REQUEST_STEP */
+        moment->lockstep.ticks = 0; /* a restore does not repeat a REQUEST_STEP */
     }
     moment->lost_since_done = rx + tx - loop->lost_at_done;
     moment->held_count = loop->held_count;
@@ -104,7 +105,7 @@ static void loop_save_moment(struct loop *loop, struct loop_moment *moment)
     }
 }
 
-/* Restores the loop's own state. Time goes back; accounts and counters continue. */
+/* Restores the loop's own state, including time. Statistics and counters continue. */
 static void loop_restore_moment(struct loop *loop, const struct loop_moment *moment)
 {
     struct lockstep_counters counters = loop->lockstep.counters;
@@ -180,8 +181,8 @@ static enum request_verdict request_restore(struct loop *loop, size_t slot)
 
 /* ---- pause and speed ---- */
 
-/* Restarts the grid of deadlines now. The time before, an intended pause or another speed, is not
- * accounted. */
+/* Restarts the grid of deadlines now. The time before (a pause, or another speed) counts no
+ * overruns. */
 static void loop_restart_grid(struct loop *loop)
 {
     loop->mark_ns = clock_now(loop->config.time);
@@ -203,7 +204,7 @@ static void loop_publish_pace(struct loop *loop)
     }
 }
 
-/* Pauses the loop and emits an event about it. */
+/* Pauses the loop and emits an event. */
 static void loop_pause(struct loop *loop)
 {
     loop->requests.paused = true;
@@ -267,7 +268,8 @@ static void loop_tell_push(struct loop *loop, const struct loop_request *request
     bool goes_on = push->until_ns > now_ns && push->body == request->index;
     bool ends = force_mn == 0 && vector_length_milli(request->moment_nm) == 0;
 
-    /* Does this push renew the last one, what is its greatest force, and does it end? */
+    /* Find out whether this push renews the last one and whether it ends; update the greatest
+     * force */
     if (!goes_on) {
         *push = (struct loop_push){.body = request->index};
     }
@@ -313,7 +315,7 @@ static enum request_verdict request_dispatch(struct loop *loop, const struct loo
     const enum request_kind kind = request->kind;
     enum request_verdict verdict;
 
-    /* A REQUEST_STEP that runs excludes these */
+    /* While a REQUEST_STEP runs, these requests are refused */
     if (loop->requests.step_left > 0 && (kind == REQUEST_RESUME || kind == REQUEST_STEP ||
                                          kind == REQUEST_RESET || kind == REQUEST_RESTORE)) {
         return REQUEST_BUSY;
@@ -433,7 +435,7 @@ void loop_requests_sleep(struct loop *loop, size_t count, int64_t until_ns)
         clock_wait_readable(loop->config.time, loop->poll, count + 1, until_ns);
     }
 
-    /* Read the event of a request, so that the next sleep waits again */
+    /* Clear the eventfd, so that the next sleep does not end at once */
     before = atomic_exchange_explicit(&requests->sleep, 0, memory_order_acq_rel);
     if ((before & REQUESTED) || (wake->revents & POLLIN)) {
         do {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Keeps the accounts of the real clock: deadlines met, missed and dropped, and the phase to
- * which an overrun is charged. rt/loop.h states the rules. */
+/* Counts the deadlines of the real clock (met, missed, dropped), and charges overruns to phases.
+ * rt/loop.h states the rules. */
 #include "rt/loop_private.h"
 #include "rt/probes.h"
 
@@ -56,7 +56,8 @@ void overrun_account_tick(struct loop *loop, int64_t now_ns)
         return;
     }
 
-    /* So far behind that the process must have been stopped: count a pause, not an overrun */
+    /* The process must have been stopped, because the delay is so long: count a pause, not an
+     * overrun */
     if (now_ns - loop->deadline_ns > LOOP_PAUSE_NS) {
         overrun_skip_pause(loop, now_ns);
         return;

@@ -2,7 +2,7 @@
 /*
  * Static tracepoints (USDT) between the phases of the loop. Use them with perf, bpftrace, SystemTap
  * or gdb on the same program that runs a rig in the lab. A probe that is not traced is one nop; its
- * arguments are values that the loop has already. A build without <sys/sdt.h> (Debian:
+ * arguments are values that the loop already holds. A build without <sys/sdt.h> (Debian:
  * systemtap-sdt-dev), or with -DHIL_PROBES=OFF, has no probes.
  *
  * Provider coman_hil. All probes fire in the loop's thread. This is the complete list:

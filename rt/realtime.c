@@ -168,7 +168,8 @@ static int realtime_touch_object(struct dl_phdr_info *info, size_t size, void *c
         realtime_touch_pages(begin, end, *page);
         if (part->p_flags & PF_W) {
             begin = constant > begin ? constant / *page * *page : begin;
-            /* Make the private copies now, not at the first write; kernels before 5.14 refuse */
+            /* Copy private pages now instead of at the first write; kernels before 5.14 refuse
+             * this */
             madvise((void *)begin, end > begin ? end - begin : 0, MADV_POPULATE_WRITE);
         }
     }

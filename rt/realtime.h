@@ -28,8 +28,8 @@ struct realtime_report {
 };
 
 /* Applies the configuration to the calling thread, touches its stack, and reports each refused
- * service. Deep idle states that remain allowed give no warning: many machines have none that
- * matter. */
+ * service. Gives no warning if deep idle states remain allowed, because they have no effect on many
+ * machines. */
 void realtime_apply(const struct realtime_config *config, struct realtime_report *report);
 
 /* Maps the memory that a loop uses outside its arena, for any clock: the calling thread's stack,

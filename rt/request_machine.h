@@ -11,7 +11,8 @@
 
 struct loop_stats;
 
-/* A request whose function is NULL is refused, unless the function's comment says otherwise. */
+/* If a function is NULL, the loop refuses its request, unless the function's comment says
+ * otherwise. */
 struct request_machine {
     void *context;
     enum request_verdict (*fault)(void *context, size_t index, bool on, int64_t now_ns);

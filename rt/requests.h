@@ -9,36 +9,37 @@
  * answers is full, the loop takes no further request until the client reads. At the end of the run
  * the loop answers the remaining requests.
  *
- * Pause. A pause is intended. It costs no deadline and no overrun, a lockstep controller does not
- * count as silent, and the loop's beat continues. The loop receives and sends no frame. Arriving
- * frames wait in sockets and inboxes; frames that find these full are lost and counted. Boards
- * measure their time-outs in virtual time, so these stand still too. A task in its own thread (real
+ * Pause. A requested pause counts no missed deadlines, no overruns and no silence of a lockstep
+ * controller. The loop's beat continues. The loop receives and sends no frame. Arriving frames wait
+ * in sockets and inboxes; frames that find these full are lost and counted. Boards measure their
+ * time-outs in virtual time, so the time-outs stand still too. A task in its own thread (real
  * clock) pauses, resumes and changes speed with the loop (struct pace). Controllers in other
  * processes see a silent bus.
  *
- * Steps. REQUEST_STEP runs its ticks at the present speed, even from a pause, then pauses. Until
- * then RESUME, STEP, RESET and RESTORE return REQUEST_BUSY; a PAUSE ends the step, which returns
- * REQUEST_CUT. In lockstep the request acts as a STEP frame: the loop receives the waiting frames,
- * runs the ticks, and sends DONE on every bus. The remaining ticks of an earlier STEP frame run
- * first. A waiting STEP frame stays; its sender learns the simulator's tick from a mismatch. An
- * inline task sends its own STEPs; the request then limits how many ticks run.
+ * Steps. REQUEST_STEP runs its ticks at the present speed, even from a pause, then pauses. While it
+ * runs, RESUME, STEP, RESET and RESTORE return REQUEST_BUSY. A PAUSE ends the step, and the answer
+ * to the step is REQUEST_CUT. In lockstep the request acts as a STEP frame: the loop receives the
+ * waiting frames, runs the ticks, and sends DONE on every bus. The remaining ticks of an earlier
+ * STEP frame run first. A waiting STEP frame stays, and is answered with LOCKSTEP_MISMATCH and the
+ * simulator's tick. An inline task sends its own STEPs; the request then limits how many ticks run.
  *
- * Speed. A new speed scales the grid of the real clock and all its accounts, and restarts the grid.
- * At speed 0 there is no grid, and no tick is late. A free run is paced without accounts. In
- * lockstep the STEPs set the pace, and a task in its own thread needs a pace: REQUEST_CLOCK.
+ * Speed. A new speed scales the deadlines of the real clock and restarts their grid. At speed 0
+ * there is no grid, and no tick is late. A free run is paced but counts no overruns. REQUEST_CLOCK
+ * refuses any speed in lockstep, because the STEPs set the pace. It also refuses speed 0 with a
+ * task in its own thread, because this task needs a pace.
  *
  * Going back. A checkpoint is a copy of all state that changes in virtual time: plant, boards,
  * sensors, faults, wires, an inline task, the loop's tick. Its memory is allocated at the start.
- * Slot 0 holds the start; REQUEST_RESET restores it. A restore sets time back too. A run from a
- * checkpoint therefore repeats bit for bit, given the same frames. Switched faults, pushes and
+ * Slot 0 holds the start; REQUEST_RESET restores slot 0. A restore also sets time back. With the
+ * same frames, a run from a checkpoint is therefore bit-identical. Switched faults, pushes and
  * tunables go back as well; speed and pause do not. Frames in queues of other processes and threads
- * (clients of the gateway) stay. Frames that the loop had taken for the next STEP are restored.
- * Accounts (overruns, histograms, counters of ports, the log) continue.
+ * (clients of the gateway) stay. Frames that the loop held for the next STEP are restored.
+ * Statistics (overruns, histograms, counters of ports, the log) continue.
  *
  * Time cannot go back while a recording runs (REQUEST_RECORDING), because time in a recording
- * always increases. Nor can it with a task in its own thread (REQUEST_UNAVAILABLE), because a
- * checkpoint does not hold that thread's state. A checkpoint fails while more than 2,000 frames are
- * in transit between boards and an inline task on one local bus.
+ * always increases. Time also cannot go back with a task in its own thread (REQUEST_UNAVAILABLE),
+ * because a checkpoint does not contain the thread's state. A checkpoint fails while more than
+ * 2,000 frames are in transit between boards and an inline task on one local bus.
  *
  * All functions are RT-safe and never wait, except request_verdict_text, which is for other
  * threads.
@@ -105,7 +106,7 @@ struct tunable {
     const char *name; /* "joint.RKneeSag.position_kp", "supply_v", ...; owned by the requests */
     const char *unit; /* "" = dimensionless */
     double min, max;
-    bool whole; /* takes whole numbers only */
+    bool whole; /* value must be a whole number */
 };
 
 struct requests;
@@ -114,7 +115,8 @@ struct requests;
  * than the loop's. */
 bool requests_ask(struct requests *requests, const struct loop_request *request);
 
-/* Takes one answer; false = none waits. From the thread that sends requests. */
+/* Removes the next answer from the ring; false = none waits. From the thread that sends
+ * requests. */
 bool requests_answer(struct requests *requests, struct request_answer *answer);
 
 /* Returns the meaning of a verdict as a sentence for the user; static. */

@@ -2,8 +2,8 @@
 /*
  * Streams rows of signals from the loop to one reader thread during a run (control/control.h). The
  * reader sets the period of the rows. The loop fills each row in place and never waits. When the
- * ring is full it drops the row, and the next row carries the number dropped. Without a reader the
- * loop only executes one load.
+ * ring is full it drops the row, and the next row carries the number dropped. Without a reader it
+ * costs the loop one load instruction.
  */
 #ifndef RT_STREAM_H
 #define RT_STREAM_H
@@ -23,18 +23,19 @@ struct stream_row {
 
 struct stream;
 
-/* Holds capacity rows, a power of two. Memory from arena. ERROR_MEMORY. Not RT-safe. */
+/* Creates a stream of `capacity` rows, a power of two. Memory from arena. ERROR_MEMORY. Not
+ * RT-safe. */
 enum error_code stream_create(size_t nsignal, uint32_t capacity, struct arena *arena,
                               struct stream **stream, struct error *error);
 
-/* The loop's side, RT-safe. Call it after each tick. Returns where the signals of the row go, or
+/* Begins a row. Call it in the loop after each tick. Returns the array for the row's signals, or
  * NULL when no row is due or the ring is full. Publish the row with stream_commit before the next
- * call. */
+ * call. RT-safe. */
 double *stream_begin(struct stream *stream, uint64_t tick, int64_t time_ns);
 void stream_commit(struct stream *stream);
 
-/* The reader's side, RT-safe. Requests a row at each tick that is a multiple of period; 0 = no
- * rows. Rows already in the ring have the earlier period. */
+/* Requests a row at each tick that is a multiple of period_ticks; 0 = no rows. Rows already in the
+ * ring have the earlier period. Call it in the reader's thread. RT-safe. */
 void stream_want(struct stream *stream, uint64_t period_ticks);
 
 /* Returns the oldest row, or NULL when none waits. The row is valid until stream_drop. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The clocks and overrun policies of a loop, as a configuration names them; rt/loop.h describes
- * them. Types and words, no functions: RT-safe. Times in ns.
+ * Clocks and overrun policies of a loop, and their names in a configuration. rt/loop.h describes
+ * them. No functions, so everything is RT-safe. Times in ns.
  */
 #ifndef RT_TIMING_H
 #define RT_TIMING_H
@@ -11,7 +11,7 @@
 #include <stdint.h>
 
 enum loop_clock {
-    LOOP_CLOCK_REAL,     /* absolute deadlines, one tick each tick_ns */
+    LOOP_CLOCK_REAL,     /* absolute deadlines, one tick per tick_ns */
     LOOP_CLOCK_LOCKSTEP, /* the controller's STEP frame drives virtual time */
     LOOP_CLOCK_FREE,     /* virtual time, no pacing */
 };
@@ -19,9 +19,9 @@ enum loop_clock {
 /* The names of the clocks. All clocks after the first run in virtual time. */
 extern const struct word loop_clock_words[];
 
-/* What the loop does with the deadlines that an overrun has missed; rt/loop.h gives the details. */
+/* Policy for the deadlines that an overrun has missed; rt/loop.h has the details. */
 enum loop_overrun {
-    LOOP_OVERRUN_SKIP, /* drop them: virtual time falls behind by as many ticks */
+    LOOP_OVERRUN_SKIP, /* drop them: virtual time falls behind by one tick per deadline */
     LOOP_OVERRUN_SLIP, /* run the late ticks back to back until the loop has caught up */
     LOOP_OVERRUN_STOP, /* as skip, and end the run at overrun number stop_after */
 };

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes whole lines or records into a file. Ends the file when that is not possible. */
+/* Writes whole lines or records into a file. Ends the file if a write fails. */
 #include "rt/recording/line_file.h"
 
 #include "base/whole_file.h"
@@ -60,7 +60,7 @@ static void line_file_end(struct line_file *file)
     atomic_store(&file->ended, true);
 }
 
-/* Ends a file that cannot be written, with the errno `reason`. */
+/* Ends a file after a failed write; reason: its errno. */
 static void line_file_end_failed(struct line_file *file, int reason)
 {
     bool clean = line_file_cut(file);
@@ -130,8 +130,8 @@ void line_file_look(struct line_file *file)
     if (file->descriptor < 0 || !file->regular || fstat(file->descriptor, &here)) {
         return;
     }
-    /* A removed file has no name left. A renamed file has another file, or none, under its old
-     * name */
+    /* A file without links was removed. If the old name now refers to another file or none, it was
+     * renamed */
     if (here.st_nlink == 0) {
         line_file_end_removed(file);
     } else if (stat(file->path, &there)

@@ -2,7 +2,7 @@
 /*
  * A file of the recorder that always ends with a whole line or record. When the disk refuses data
  * the file ends early and stays valid (recorder.h lists the guarantees). One thread opens, writes
- * and closes it. Another thread may read the fields marked so. Not RT-safe.
+ * and closes it. Another thread may read only the fields marked "any thread". Not RT-safe.
  */
 #ifndef RT_RECORDING_LINE_FILE_H
 #define RT_RECORDING_LINE_FILE_H
@@ -24,13 +24,13 @@ struct line_file {
     bool records; /* holds records, not lines; a partial record is always cut off */
     char *buffer; /* whole lines */
     size_t capacity, used;
-    size_t taken;           /* bytes of the buffer that are in the file */
+    size_t taken;           /* bytes of the buffer already in the file */
     int64_t size;           /* bytes of the file before the buffer */
     uint64_t lines;         /* lines in the file */
     uint64_t unwritten;     /* lines accepted by line_file_put but missing in the file */
     _Atomic uint64_t *beat; /* counts successful writes */
-    atomic_bool moved;      /* any thread may read it: the file was renamed */
-    atomic_bool ended;      /* any thread may read it: no further writes; `error` has the reason */
+    atomic_bool moved;      /* any thread: the file was renamed */
+    atomic_bool ended;      /* any thread: no further writes; `error` has the reason */
     struct error error;
 };
 
@@ -47,7 +47,8 @@ void line_file_put(struct line_file *file, const char *line, size_t size);
 /* Writes the buffer to the file. */
 void line_file_flush(struct line_file *file);
 
-/* Checks whether the file still exists under its name. A removed file ends. */
+/* Checks whether the file still has its name. If it was removed, ends it. If it was renamed, sets
+ * `moved`. */
 void line_file_look(struct line_file *file);
 
 /* Ends the file after its writing thread was cancelled. Keeps the bytes already written. */

@@ -26,11 +26,11 @@ enum mcap_opcode {
 enum {
     RECORD_HEAD = 9,   /* opcode and length */
     MESSAGE_HEAD = 22, /* channel, sequence, two times */
-    CHUNK_HEAD = 44,   /* bytes of a chunk before the compressed data, with the name "zstd" */
+    CHUNK_HEAD = 44,   /* bytes of a chunk before the compressed data, "zstd" included */
     ENTRIES = 32768,   /* most messages in a chunk */
     ENTRY_SIZE = 16,   /* time and offset in an index */
     TEXT_SIZE = 4,     /* length of a string */
-    SPARE = 4096,      /* bytes of the end of a file besides its groups, rounded up */
+    SPARE = 4096,      /* most bytes at the end of the file, without the groups of the summary */
     LEVEL = 3,         /* compression level: zstd's default */
 };
 
@@ -319,7 +319,7 @@ static void mcap_index_chunk(struct mcap *mcap, const uint64_t span[2], const ui
     at = mcap_put_number(at, span[1], 8);
     at = mcap_put_number(at, mcap->offset, 8);
     at = mcap_put_number(at, chunk, 8);
-    /* Leave room for the length of the list of message indexes; it is known behind the list */
+    /* Leave room for the length of the list of message indexes; it is written after the list */
     count = at;
     at += TEXT_SIZE;
     for (uint16_t i = 0; i < mcap->nchannel; i++) {

@@ -17,7 +17,7 @@
 enum {
     MCAP_SCHEMAS_MAX = 16,
     MCAP_CHANNELS_MAX = 64,
-    MCAP_CHUNK = 1 << 20, /* a chunk ends when its messages have this many bytes, uncompressed */
+    MCAP_CHUNK = 1 << 20, /* bytes of messages, uncompressed, after which a chunk ends */
 };
 
 struct mcap_config {
@@ -35,7 +35,7 @@ enum error_code mcap_create(const struct mcap_config *config, struct arena *aren
                             struct mcap **mcap, struct error *error);
 
 /* Add a schema or a channel; call before mcap_prepare. Messages are JSON, schemas JSON Schema;
- * strings are borrowed. Return a number from 1 up; 0 = no room. */
+ * strings are borrowed. Return an identifier of 1 or more; 0 = no room. */
 uint16_t mcap_add_schema(struct mcap *mcap, const char *name, const char *text);
 uint16_t mcap_add_channel(struct mcap *mcap, uint16_t schema, const char *topic);
 
@@ -48,8 +48,8 @@ size_t mcap_longest_piece(const struct mcap *mcap);
 /* Writes the head of the file. */
 void mcap_start(struct mcap *mcap);
 
-/* mcap_begin_message returns the buffer for a message, config.longest bytes. mcap_end_message adds
- * the message with its size. */
+/* mcap_begin_message returns a buffer of config.longest bytes. After the caller has written a
+ * message into it, mcap_end_message adds the message. */
 char *mcap_begin_message(struct mcap *mcap);
 void mcap_end_message(struct mcap *mcap, uint16_t channel, int64_t time_ns, size_t size);
 

@@ -162,7 +162,7 @@ static enum error_code recorder_remove_summary(const char *directory, struct err
     return ERROR_NONE;
 }
 
-/* Opens one file of the recording and writes its title. A NULL title means out of memory. */
+/* Opens one file of the recording and writes its title. Fails if title is NULL (out of memory). */
 static enum error_code recorder_open_file(struct recorder *recorder, enum recorder_file file,
                                           const char *title, size_t longest, struct arena *arena,
                                           struct error *error)
@@ -272,7 +272,7 @@ enum error_code recorder_open(const struct recorder_config *config, struct arena
     if (code) {
         goto fail;
     }
-    /* Start the thread last: it writes at once */
+    /* Start the thread last, because it writes at once */
     reason = pthread_create(&made->thread, NULL, recorder_thread_main, made);
     if (reason) {
         code = error_set_errno(error, reason, "cannot start the recorder's thread");
@@ -288,8 +288,8 @@ fail:
 
 /* ---- the loop's side ---- */
 
-/* Checks whether the writing thread has made no progress for timeout_ns. *beat and *since_ns carry
- * state from call to call. */
+/* Checks whether the writing thread has made no progress for timeout_ns. *beat and *since_ns keep
+ * state between calls. */
 static bool recorder_thread_stalled(const struct recorder *recorder, int64_t timeout_ns,
                                     uint64_t *beat, int64_t *since_ns)
 {
@@ -364,8 +364,8 @@ void recorder_event(struct recorder *recorder, int64_t time_ns, unsigned rank,
 
 /* ---- reports of what went wrong ---- */
 
-/* Writes a sentence about a file that has ended or was renamed, once per problem; false = nothing
- * new. */
+/* Writes a sentence about a file that has ended or was renamed. Reports each problem once; false =
+ * nothing new. */
 static bool recorder_file_event(const struct line_file *file, struct file_reports *reports,
                                 char *text, size_t size)
 {
@@ -456,7 +456,7 @@ static void recorder_end_thread(struct recorder *recorder, struct recorder_count
 {
     int64_t stall = recorder->config.stall_ns;
 
-    /* Stop the thread; after a disk was given up, wait less long */
+    /* Stop the thread; wait a shorter time if the disk was given up */
     atomic_store(&recorder->stop, true);
     if (recorder_wait_for_thread(recorder, atomic_load(&recorder->given_up) ? stall / 10 : stall)) {
         recorder_join_thread(recorder);
@@ -501,7 +501,7 @@ enum error_code recorder_close(struct recorder *recorder, struct recorder_counte
     *c = (struct recorder_counters){0};
     recorder_end_thread(recorder, c);
     recorder_count(recorder, c);
-    /* Report the first file that ended early, else the drops */
+    /* Report the first file that ended early; if there is none, report the drops */
     for (int f = 0; f < RECORDER_FILES; f++) {
         if (atomic_load(&recorder->file[f].ended)) {
             *error = recorder->file[f].error;

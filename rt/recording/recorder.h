@@ -63,7 +63,7 @@ enum recorder_format {
     RECORDER_MCAP = 2 /* recording.mcap, with frames and events (rt/recording/recorder_mcap.h) */
 };
 
-/* The names of these formats and of their combination. */
+/* Names of the formats and of their combination. */
 extern const struct word recorder_format_words[];
 
 enum {
@@ -81,8 +81,9 @@ struct recorder_channel {
     const char *first;        /* message written at the beginning of the file; NULL = none */
     size_t longest;           /* most bytes that print writes */
 
-    /* Writes the message for a row at AT and returns its end, or AT for no message. value, pose: as
-     * given to recorder_row. Called in the recorder's thread. NULL = no message per row. */
+    /* Writes the message for a row to `at`. Returns the end of the message, or `at` for no message.
+     * value, pose: arguments of recorder_row. Called in the recorder's thread. NULL = no message
+     * per row. */
     char *(*print)(void *context, int64_t time_ns, const double *value, const double *pose,
                    char *at);
     void *context;
@@ -102,7 +103,7 @@ struct recorder_config {
     size_t nchannel;
     const struct recorder_channel *channel;
     size_t frame_ring; /* capacity in frames, a power of two; 0 = 65536 */
-    /* a disk that accepts nothing for this time is given up; 0 = RECORDER_STALL_NS */
+    /* time without progress after which the disk is given up; 0 = RECORDER_STALL_NS */
     int64_t stall_ns;
 };
 
@@ -130,15 +131,15 @@ void recorder_frame(struct recorder *recorder, size_t bus, const struct bus_fram
                     int64_t time_ns);
 void recorder_row(struct recorder *recorder, int64_t time_ns, const double *value);
 
-/* Records an event: a line of text at a virtual time. Sorts events given within half a second of
- * wall time by time, then by rank, then by order of the calls. From one thread, not necessarily the
- * loop's. RT-safe unless lossless. */
+/* Records an event: a line of text at a virtual time. Events recorded within half a second of wall
+ * time are sorted by virtual time, then by rank, then by order of the calls. From one thread, not
+ * necessarily the loop's. RT-safe unless lossless. */
 void recorder_event(struct recorder *recorder, int64_t time_ns, unsigned rank,
                     enum journal_priority priority, const char *text);
 
 /* Writes the next new problem as a sentence; false = nothing new. kind (below RECORDER_EVENTS)
- * distinguishes the files, a disk given up, and drops. Drops are reported at most once a second.
- * From one thread. Not RT-safe. */
+ * distinguishes the files, a disk given up, and drops. It reports drops at most once a second. From
+ * one thread. Not RT-safe. */
 bool recorder_next_event(struct recorder *recorder, unsigned *kind, char *text, size_t size);
 
 /* Writes the rest and closes the files. Abandons a disk that accepts nothing for stall_ns, with its

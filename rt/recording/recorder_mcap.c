@@ -63,7 +63,7 @@ const char recorder_schema_scene[] = OBJECT(
 /* clang-format on */
 
 enum {
-    STAMP_SIZE = 96,  /* "timestamp":{...}, */
+    STAMP_SIZE = 96,  /* "timestamp":{...}, with its comma */
     POSE_SIZE = 256,  /* numbers and keys of a transform */
     FRAME_SIZE = 512, /* a message without the name of its bus */
     TOPIC_SIZE = 64,  /* "/can/" and a name */
@@ -216,7 +216,7 @@ void recorder_mcap_event(struct recorder_mcap *mcap, const struct event_item *it
 
 /* ---- making it ---- */
 
-/* Quotes each name and appends suffix; NULL = out of memory. *longest grows by the lengths. */
+/* Quotes each name and appends suffix; NULL = out of memory. Adds the lengths to *longest. */
 static const char **mcap_quote_names(const char *const *name, size_t count, const char *suffix,
                                      struct arena *arena, size_t *longest)
 {

@@ -35,11 +35,11 @@ void recorder_mcap_frame(struct recorder_mcap *mcap, const struct frame_item *it
 void recorder_mcap_row(struct recorder_mcap *mcap, const double *row);
 void recorder_mcap_event(struct recorder_mcap *mcap, const struct event_item *item);
 
-/* Ends the present chunk when it is a second old. */
+/* Ends the present chunk if it is older than a second. */
 void recorder_mcap_tend(struct recorder_mcap *mcap, int64_t now_ns);
 
-/* Ends the file and frees all memory that is not in the arena. After the file has ended it only
- * frees. */
+/* recorder_mcap_finish ends the file. recorder_mcap_destroy frees all memory outside the arena;
+ * NULL is allowed. */
 void recorder_mcap_finish(struct recorder_mcap *mcap);
 void recorder_mcap_destroy(struct recorder_mcap *mcap);
 

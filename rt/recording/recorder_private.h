@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Functions and state that the files of the recorder share. recorder.c opens, fills the rings,
- * reports and closes. recorder_thread.c formats and writes; recorder_mcap.c writes the MCAP file.
- * Not RT-safe unless noted.
+ * Functions and state that the files of the recorder share. recorder.c opens and closes the
+ * recording, fills the rings, and reports problems. recorder_thread.c formats and writes;
+ * recorder_mcap.c writes the MCAP file. Not RT-safe unless noted.
  */
 #ifndef RT_RECORDING_RECORDER_PRIVATE_H
 #define RT_RECORDING_RECORDER_PRIVATE_H
@@ -22,7 +22,7 @@ enum recorder_file {
     RECORDER_FILES
 };
 
-/* Kinds of reports of recorder_next_event: the number of a file, or one of these. */
+/* Kinds of reports of recorder_next_event. Values below RECORDER_FILES are numbers of files. */
 enum recorder_report { REPORT_DROPS = RECORDER_FILES, REPORT_GIVEN_UP };
 
 struct frame_item {
@@ -37,19 +37,20 @@ struct event_item {
     char text[RECORDER_EVENT_TEXT];
 };
 
-/* Items offered to the rings. The threads that push count; any thread reads. */
+/* Counts of items offered to the rings. The pushing thread writes a count; any thread may read
+ * it. */
 struct recorder_tally {
     _Atomic uint64_t frames, rows, events, frames_dropped, rows_dropped, events_dropped;
 };
 
-/* Waiting events, sorted by time: an earlier one may still come. */
+/* Events sorted by time. They wait, because an earlier event may still arrive. */
 struct recorder_order {
     struct event_item *item;
     size_t count;
     int64_t settled_ns; /* time of the latest event that has waited long enough */
 };
 
-/* The events of a file that have been reported. */
+/* Problems of a file that have been reported. */
 struct file_reports {
     bool moved, ended;
 };

@@ -82,7 +82,7 @@ static void recorder_hold_event(struct recorder *recorder, const struct event_it
     if (order->count == RECORDER_HELD) {
         recorder_release_events(recorder, RECORDER_HELD / 2);
     }
-    /* It stands before others that are later, or that have a higher rank at the same time */
+    /* Find its place: before later events, and before events of the same time with a higher rank */
     for (at = order->count; at > 0; at--) {
         const struct event_item *other = &order->item[at - 1];
 
@@ -139,8 +139,7 @@ static void recorder_tend_files(struct recorder *recorder)
         return;
     }
     recorder->tend_ns = now + TEND_NS;
-    /* Write the events that already waited at the previous call, and newer ones with earlier
-     * times */
+    /* Write events that waited at the previous call, and new events with earlier times */
     while (due < order->count && order->item[due].time_ns <= order->settled_ns) {
         due++;
     }
@@ -165,7 +164,8 @@ void *recorder_thread_main(void *context)
     struct recorder *recorder = context;
     sigset_t of_writing;
 
-    /* Block signals: a pipe without a reader and a file at its size limit become errors of write */
+    /* Block signals, so that a pipe without a reader or a file at its size limit makes write()
+     * fail */
     sigemptyset(&of_writing);
     sigaddset(&of_writing, SIGPIPE);
     sigaddset(&of_writing, SIGXFSZ);
