@@ -11,12 +11,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ID_ERROR_FLAG 0x20000000u /* marks the 8-digit identifier of an error frame */
+#define ID_ERROR_FLAG 0x20000000u /* flag in the 8-digit identifier of an error frame */
 
 enum {
     NAME_MAX_LENGTH = 15,
     SECONDS_DIGITS = 10,
-    FD_FLAG_BRS = 1, /* bits of the digit behind ## */
+    FD_FLAG_BRS = 1, /* bits of the flags digit behind "##" */
     FD_FLAG_ESI = 2,
 };
 
@@ -90,7 +90,7 @@ size_t candump_format(const struct bus_frame *frame, const char *bus, char line[
     return (size_t)(at - line);
 }
 
-/* A line under parsing; the first error stops it. */
+/* State of the parser of a line. The first error ends parsing. */
 struct candump_cursor {
     const char *text;
     size_t size, at;
@@ -98,8 +98,8 @@ struct candump_cursor {
     char fault[160];
 };
 
-/* Records the error: what was found at a place and what was expected. Returns false, which the
- * caller returns too. */
+/* Stores an error: what was found at a column, and what was expected. Returns false, so that a
+ * caller can return the result. */
 static bool candump_reject(struct candump_cursor *cursor, size_t at, const char *expected)
 {
     char found[24] = "the end of the line";
@@ -120,7 +120,7 @@ static char candump_next_char(const struct candump_cursor *cursor)
     return cursor->at < cursor->size ? cursor->text[cursor->at] : '\0';
 }
 
-/* Consumes a word if it stands next. */
+/* Consumes a word if it is the next text. */
 static bool candump_take(struct candump_cursor *cursor, const char *word)
 {
     const size_t length = strlen(word);
@@ -132,7 +132,7 @@ static bool candump_take(struct candump_cursor *cursor, const char *word)
     return true;
 }
 
-/* Consumes the given word, or rejects another one. */
+/* Consumes a word. If other text is next, stores an error. */
 static bool candump_expect(struct candump_cursor *cursor, const char *word, const char *expected)
 {
     return candump_take(cursor, word) || candump_reject(cursor, cursor->at, expected);
@@ -230,7 +230,7 @@ static bool candump_parse_id(struct candump_cursor *cursor, struct bus_frame *fr
                           "an extended identifier of at most 1FFFFFFF, or 2xxxxxxx for errors");
 }
 
-/* Parses a data byte of two hexadecimal digits, the first of which stands next. */
+/* Parses a data byte, two hexadecimal digits. The caller has checked the first digit. */
 static bool candump_parse_byte(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     const int high = hex_value(candump_next_char(cursor));
@@ -246,8 +246,8 @@ static bool candump_parse_byte(struct candump_cursor *cursor, struct bus_frame *
     return true;
 }
 
-/* Parses the printed format behind an identifier: "[4]  DE AD BE EF", with two digits of an FD
- * frame; "[4]  remote request". */
+/* Parses the printed format behind an identifier: "[4] DE AD BE EF" or "[4] remote request". The
+ * length of an FD frame has two digits. */
 static bool candump_parse_printed(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     int64_t length;
@@ -283,8 +283,8 @@ static bool candump_parse_printed(struct candump_cursor *cursor, struct bus_fram
     return true;
 }
 
-/* Parses the text behind "ID#": data, "R" and a length of a remote frame, or "#" and the flags and
- * data of a CAN FD frame. Bytes may have '.' between them. */
+/* Parses the text behind "ID#". Classic frame: data. Remote frame: "R" and a length. CAN FD frame:
+ * "#", flags and data. There may be a '.' between bytes. */
 static bool candump_parse_data(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     size_t most = 8;
@@ -322,15 +322,15 @@ static bool candump_parse_data(struct candump_cursor *cursor, struct bus_frame *
             return false;
         }
     }
-    /* A length code above 8, "_9" to "_F", means 8 bytes too */
+    /* Length codes above 8, "_9" to "_F", also mean 8 bytes */
     if (frame->len == 8 && most == 8 && candump_take(cursor, "_")) {
         cursor->at += hex_value(candump_next_char(cursor)) > 8;
     }
     return true;
 }
 
-/* Consumes what `candump -x` prints before the identifier: "RX" or "TX", then 'B' and 'E' of an FD
- * frame, or '-'. */
+/* Consumes the fields that `candump -x` prints before the identifier: "RX" or "TX", then the FD
+ * flags 'B' and 'E', or '-'. */
 static void candump_take_direction(struct candump_cursor *cursor, uint8_t *flags)
 {
     candump_skip_spaces(cursor);
@@ -346,9 +346,8 @@ static void candump_take_direction(struct candump_cursor *cursor, uint8_t *flags
     candump_skip_spaces(cursor);
 }
 
-/* Parses a whole line, with or without its newline. On false, the cursor has the error. What
- * stands behind a frame and a space is skipped: the direction from `candump -x`, ERRORFRAME, the
- * data as text. */
+/* Parses a whole line, with or without its newline; false = the cursor has the error. Skips text
+ * after the frame and a space, such as a direction, ERRORFRAME, or the data as characters. */
 static bool candump_parse_line(struct candump_cursor *cursor, struct bus_frame *frame, char bus[16])
 {
     uint8_t rates = 0;
@@ -372,7 +371,7 @@ static bool candump_parse_line(struct candump_cursor *cursor, struct bus_frame *
     if (cursor->at < cursor->size && !isspace((unsigned char)cursor->text[cursor->at])) {
         return candump_reject(cursor, cursor->at, "hexadecimal data or the end of the line");
     }
-    /* Fill up an FD frame to the next length that it can have, as can-utils do */
+    /* Extend an FD frame to the next valid length, as can-utils do */
     if (frame->flags & FRAME_FD) {
         frame->flags |= rates;
         frame->len = frame_fd_length(frame->len);
@@ -397,8 +396,8 @@ enum error_code candump_open(struct candump_reader *reader, const char *path, st
     return input_file_stream(path, &reader->file, error);
 }
 
-/* Reads the next line; returns its size with the newline, 0 at the end of the file, and
- * CANDUMP_LINE_MAX + 1 if the line is longer than the buffer, which then has its beginning. */
+/* Reads the next line. Returns its size with the newline; 0 = end of the file. For a longer line
+ * than the buffer, returns CANDUMP_LINE_MAX + 1, and the buffer has the beginning of the line. */
 static size_t candump_read_line(FILE *file, char line[CANDUMP_LINE_MAX])
 {
     size_t size = 0;
@@ -416,7 +415,8 @@ static size_t candump_read_line(FILE *file, char line[CANDUMP_LINE_MAX])
     return size;
 }
 
-/* Counts a line without a frame, such as a comment, and what it says of lost frames. */
+/* Counts a line without a frame, such as a comment. For a DROPCOUNT line, also counts the lost
+ * frames. */
 static void candump_skip_line(struct candump_reader *reader, const char *line, size_t size)
 {
     static const char lost[] = "DROPCOUNT: dropped ";

@@ -17,7 +17,7 @@
 
 enum { CANDUMP_LINE_MAX = 256 };
 
-/* A time without a frame in a log, ns, that is named to the user before it is played. */
+/* Shortest gap between frames of a log, ns, that a replay reports to the user in advance. */
 #define LOG_GAP_NS INT64_C(3000000000)
 
 /* Writes one line with newline and terminating zero. Returns its length without the zero. The time
@@ -30,15 +30,15 @@ enum error_code candump_parse(const char *line, size_t size, struct bus_frame *f
                               struct error *error);
 
 /* Reads a log line by line; errors carry file:line:column. next returns ERROR_NONE and sets *end at
- * the end of the file. A line that does not begin with a time has no frame (a comment, an empty
- * line, a DROPCOUNT): next skips and counts it. */
+ * the end of the file. A line that does not begin with a time has no frame (comment, empty line,
+ * DROPCOUNT). candump_next skips and counts such lines. */
 struct candump_reader {
     FILE *file;
     const char *path;
     int line;
     uint64_t skipped; /* lines without a frame */
-    int skipped_line; /* the first of them */
-    uint64_t lost;    /* frames that DROPCOUNT lines call lost */
+    int skipped_line; /* number of the first skipped line */
+    uint64_t lost;    /* number of lost frames according to the DROPCOUNT lines */
 };
 enum error_code candump_open(struct candump_reader *reader, const char *path, struct error *error);
 enum error_code candump_next(struct candump_reader *reader, struct bus_frame *frame, char bus[16],

@@ -183,7 +183,7 @@ static enum error_code dbc_check_message(const struct dbc *dbc, const struct dbc
     if (dbc_check_name("message", message->name, error)) {
         return ERROR_INPUT;
     }
-    /* The format must be able to have the length; identifier and mask must fit 11 or 29 bits */
+    /* The length must be valid for the format; identifier and mask must fit in 11 or 29 bits */
     if (length > longest || frame_fd_length(length) != length ||
         (message->id & ~DBC_EXTENDED) > most || message->id_mask > most ||
         message->id & message->id_mask || message->cycle_ms > DBC_CYCLE_MAX_MS ||
@@ -223,7 +223,7 @@ enum error_code dbc_add_message(struct dbc *dbc, const struct dbc_message *messa
     if (!made) {
         return dbc_no_memory(error);
     }
-    /* Only the fields of the caller are copied; signals and comments are added later */
+    /* Copy only the caller's fields; signals and comments are added later */
     made->id = message->id;
     made->id_mask = message->id_mask;
     made->fd = message->fd;
@@ -254,9 +254,9 @@ struct dbc_signal *dbc_find_signal(const struct dbc_message *message, const char
     return signal;
 }
 
-/* The order of a big-endian signal goes from the least significant bit of a byte to the most
- * significant bit of the byte before. Counted from the most significant bit of byte 0, its bits are
- * consecutive. */
+/* In a big-endian signal, the least significant bit of a byte is followed by the most significant
+ * bit of the byte before. Count bits from the most significant bit of byte 0: the bits of the
+ * signal are then consecutive. */
 unsigned dbc_bit(const struct dbc_signal *signal, unsigned k)
 {
     unsigned line = (signal->start ^ 7u) + signal->bits - 1u - k;
@@ -310,7 +310,7 @@ static enum error_code dbc_check_signal(const struct dbc *dbc, const struct dbc_
 {
     const struct dbc_signal *by = message->multiplexor, *clash;
 
-    /* The signal by itself: names and numbers, and a float of 32 bits */
+    /* Check the signal alone: names, numbers, and 32 bits for a float */
     if (dbc_check_name("signal", signal->name, error) ||
         dbc_check_text("unit", signal->unit, error)) {
         return ERROR_INPUT;
@@ -325,7 +325,8 @@ static enum error_code dbc_check_signal(const struct dbc *dbc, const struct dbc_
                          signal->name, signal->bits, signal->scale, signal->offset, signal->min,
                          signal->max);
     }
-    /* A message has at most one multiplexor; multiplexed signals name a value of it */
+    /* A message has at most one multiplexor; a multiplexed signal has one of its values as
+     * selector */
     if ((signal->role == DBC_MULTIPLEXOR && (by || signal->type != DBC_UNSIGNED)) ||
         (signal->role == DBC_MULTIPLEXED && (!by || signal->selector > dbc_highest_raw(by)))) {
         return error_set(error, ERROR_INPUT,
@@ -334,7 +335,7 @@ static enum error_code dbc_check_signal(const struct dbc *dbc, const struct dbc_
                          signal->name, signal->selector);
     }
 
-    /* Its place in the message, and the nodes that receive it */
+    /* Check its place in the message, and its receivers */
     if (!dbc_signal_fits(signal, message->length)) {
         return error_set(error, ERROR_INPUT,
                          "found signal %s of %d bits from bit %d on, expected it within the %d "
@@ -484,7 +485,7 @@ bool dbc_read_signal(const struct dbc_message *message, const struct dbc_signal 
     uint64_t raw;
     double number;
 
-    /* Is the signal in this frame? */
+    /* Return if the signal is not in this frame */
     if (!dbc_signal_fits(signal, frame->len) ||
         (signal->role == DBC_MULTIPLEXED && (!by || !dbc_signal_fits(by, frame->len) ||
                                              dbc_raw_bits(by, frame) != signal->selector))) {
@@ -526,7 +527,7 @@ bool dbc_read_signal(const struct dbc_message *message, const struct dbc_signal 
 /* Values of BusType and VFrameFormat */
 #define DBC_BUS_CLASSIC "CAN"
 #define DBC_BUS_FD "CAN FD"
-enum { DBC_FORMAT_EXTENDED = 1, DBC_FORMAT_FD = 14 }; /* both: 15 */
+enum { DBC_FORMAT_EXTENDED = 1, DBC_FORMAT_FD = 14 }; /* VFrameFormat is their sum */
 
 /* The lines that define the attributes and their defaults, the same in every file. */
 /* clang-format off */

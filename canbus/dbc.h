@@ -2,15 +2,15 @@
 /*
  * A DBC database: the meaning of the frames on one bus, in the text format of CAN tools (nodes,
  * messages, signals, multiplexing, value tables, comments, cycle times, CAN FD). The caller adds
- * one entry after the other; each is checked when it is added. dbc_write then writes plain ASCII
- * with the attributes below, in the order of the format. Not RT-safe.
+ * entries one by one; each entry is checked when it is added. dbc_write writes the database as
+ * plain ASCII, with the attributes below. Not RT-safe.
  *
  *   GenMsgCycleTime  of a message, ms; 0 = on demand
  *   VFrameFormat     of a message: StandardCAN, ExtendedCAN, StandardCAN_FD, ExtendedCAN_FD
  *   IdentifierMask   of a message: identifier bits that carry values; these bits are 0 in the
  *                    written identifier; 0 = none. Ours; tools show it.
- *   FrameLength      of a multiplexed signal: length of its frame, if frames of a message have
- *                    different lengths; 0 = length of the message. Ours; tools show it.
+ *   FrameLength      of a multiplexed signal: length of its frame, if the frames of the message
+ *                    differ in length; 0 = length of the message. Ours; tools show it.
  *   SystemNodeLongSymbol, SystemMessageLongSymbol, SystemSignalLongSymbol  the whole name, if it is
  *                    longer than DBC_NAME_MAX or was shortened for another reason
  *   DBName, BusType, Baudrate, BaudrateCANFD  of the database
@@ -114,10 +114,10 @@ struct dbc {
 struct dbc *dbc_create(struct arena *arena, const char *name);
 
 /*
- * Add a copy of an entry, including strings; lists, comments and counts start empty. ERROR_INPUT
- * has a sentence with what was found and what was expected. A message with more than 8 bytes is FD.
- * A signal lies within its message and shares no bit with another signal of the same frame. Add the
- * multiplexor before the signals that it selects.
+ * Add a copy of an entry, including its strings. Lists, comments and counts of the copy start
+ * empty. The message of ERROR_INPUT names the found and the expected value. A message with more
+ * than 8 bytes is FD. A signal lies within its message and shares no bit with another signal of the
+ * same frame. Add the multiplexor before the signals that it selects.
  */
 enum error_code dbc_add_node(struct dbc *dbc, const char *name, struct error *error);
 enum error_code dbc_add_message(struct dbc *dbc, const struct dbc_message *message,
@@ -128,7 +128,7 @@ enum error_code dbc_add_signal(struct dbc *dbc, struct dbc_message *message,
 enum error_code dbc_add_value(struct dbc *dbc, struct dbc_signal *signal, int64_t number,
                               const char *text, struct error *error);
 
-/* Copies text into a comment or a long name, which can be set only once. */
+/* Copies text into a comment or a long name. Each can be set only once. */
 enum error_code dbc_set_comment(struct dbc *dbc, const char **comment, const char *text,
                                 struct error *error);
 

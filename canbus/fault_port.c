@@ -67,8 +67,8 @@ static bool fault_port_exempts(const struct fault_port *f, const struct bus_fram
     return frame_has_standard_id(frame, f->config.exempt, f->config.nexempt);
 }
 
-/* Checks whether an active rule applies to a frame: it has the rule's identifier, or the rule is
- * for all frames and it is not exempt. */
+/* Checks whether an active rule applies to a frame. The frame has the rule's identifier, or the
+ * rule is for all frames and the frame is not exempt. */
 static bool fault_port_rule_matches(const struct fault_port *f, const struct fault_port_rule *rule,
                                     const struct bus_frame *frame)
 {
@@ -91,7 +91,7 @@ static void fault_port_flip_bit(struct random_stream *random, struct bus_frame *
     }
 }
 
-/* Stores a frame until due_ns; counts it as dropped when there is no room. */
+/* Stores a frame until due_ns. Without room, drops and counts it. */
 static void fault_port_hold_frame(struct fault_port_direction *d, const struct bus_frame *frame,
                                   int64_t due_ns)
 {
@@ -111,7 +111,7 @@ static size_t fault_port_apply_rules(struct fault_port *f, struct fault_port_dir
     int64_t delay_ns = 0;
     size_t copies = 1;
 
-    /* The rules act one after the other; each draws from its own random stream */
+    /* Apply the rules in order; each rule draws from its own random stream */
     for (size_t i = 0; i < f->config.nrule; i++) {
         struct fault_port_armed *rule = &d->rule[i];
         const struct fault_port_rule *r = &rule->rule;
@@ -134,7 +134,7 @@ static size_t fault_port_apply_rules(struct fault_port *f, struct fault_port_dir
         }
     }
 
-    /* The frame and its duplicate go out now, or are held until their delay is over */
+    /* Pass on the frame and its duplicate now, or hold them until their delay is over */
     for (size_t i = 0; i < copies; i++) {
         if (delay_ns > 0) {
             fault_port_hold_frame(d, &frame, f->now_ns + delay_ns);
@@ -202,7 +202,7 @@ static size_t fault_port_receive(struct can_port *port, struct bus_frame *frames
                 if (count < max) {
                     frames[count++] = out[k];
                 } else {
-                    fault_port_hold_frame(&f->rx, &out[k], f->now_ns); /* the next call has room */
+                    fault_port_hold_frame(&f->rx, &out[k], f->now_ns); /* for the next call */
                 }
             }
         }
@@ -220,14 +220,14 @@ static size_t fault_port_send(struct can_port *port, const struct bus_frame *fra
     size_t waiting, refused = 0, lost = 0;
     bool off = fault_port_is_off(f);
 
-    /* Held frames that are due go first */
+    /* Send due held frames first */
     do {
         waiting = off ? 0 : fault_port_release_due(f, &f->tx, batch, BATCH);
         if (waiting > 0) {
             can_send(f->port.inner, batch, waiting);
         }
     } while (waiting == BATCH);
-    /* Then the new ones in batches; duplication can make two of one */
+    /* Send the new frames in batches; duplication can double a frame */
     waiting = 0;
     for (size_t i = 0; i < count; i++) {
         if (off && !fault_port_exempts(f, &frames[i])) {
@@ -260,10 +260,10 @@ void fault_port_time(struct can_port *port, int64_t time_ns)
 {
     fault_port_of(port)->now_ns = time_ns;
     fault_port_copy_state(
-        fault_port_of(port)); /* virtual time may have gone back, and the rules' counts with it */
+        fault_port_of(port)); /* the rules' counts may have gone back with virtual time */
 }
 
-/* Arms the rules of one direction, each with a random stream of its own, and makes room for held
+/* Arms the rules of one direction, each with its own random stream. Allocates the list of held
  * frames. */
 static bool fault_port_create_direction(struct fault_port *f, struct fault_port_direction *d,
                                         const char *name, struct arena *arena)

@@ -2,14 +2,14 @@
 /*
  * A port that injects faults. It wraps another port of any back end. While a rule is active, it
  * loses, corrupts, delays or duplicates frames in both directions. Closing it closes the other
- * port. Counters and state are those of the other port, with two exceptions. Frames lost here for
- * lack of room or in FAULT_PORT_BUS_OFF count as dropped. In FAULT_PORT_BUS_OFF the state is
+ * port. Counters and state are copied from the other port, with two exceptions. Frames lost here
+ * for lack of room or in FAULT_PORT_BUS_OFF count as dropped. In FAULT_PORT_BUS_OFF the state is
  * bus-off.
  *
  * STEP and DONE of lockstep do not exist on a real bus, so rules for all frames skip them. A rule
  * with their identifier applies to them, except FAULT_PORT_BUS_OFF, which would stop virtual time.
  *
- * Time is virtual: the owner sets it once a tick. The port's functions are RT-safe.
+ * Time is virtual; the owner sets it once per tick. The port's functions are RT-safe.
  */
 #ifndef CANBUS_FAULT_PORT_H
 #define CANBUS_FAULT_PORT_H
@@ -29,7 +29,7 @@ struct fault_port_rule {
     double probability;
     int64_t delay_ns;
     int64_t id;         /* identifier of the affected frames; -1 = all */
-    const bool *active; /* read for every frame */
+    const bool *active; /* whether the rule is active; read for every frame */
     const char *stream; /* name of its random stream */
 };
 
@@ -37,15 +37,15 @@ enum { FAULT_PORT_EXEMPT = 2, FAULT_PORT_HELD = 4096 };
 
 struct fault_port_config {
     struct can_port *port;
-    const struct fault_port_rule *rule; /* copied, without the objects that it points to */
+    const struct fault_port_rule *rule; /* copied; the rules' pointers are borrowed */
     size_t nrule;
     uint32_t exempt[FAULT_PORT_EXEMPT];
     size_t nexempt;
     uint64_t seed;
 };
 
-/* Creates the port in memory from arena. At most FAULT_PORT_HELD delayed frames wait; further ones
- * are lost and count as dropped. Not RT-safe. */
+/* Creates the port in memory from arena. At most FAULT_PORT_HELD delayed frames wait; further
+ * delayed frames are dropped and counted. Not RT-safe. */
 enum error_code fault_port_create(const struct fault_port_config *config, struct arena *arena,
                                   struct can_port **port, struct error *error);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A CAN frame, classic or FD, as all parts of the simulator use it. RT-safe. */
+/* The CAN frame, classic or FD, of all parts of the simulator. RT-safe. */
 #ifndef CANBUS_FRAME_H
 #define CANBUS_FRAME_H
 
@@ -27,7 +27,7 @@ struct bus_frame {
     int64_t time_ns; /* time of reception or sending, on the port's clock */
 };
 
-/* The data lengths in bytes by their code (DLC). */
+/* Data lengths in bytes, indexed by the data length code (DLC). */
 extern const uint8_t frame_lengths[16];
 
 /* Returns the shortest FD length that holds `bytes` bytes (at most 64). */
@@ -59,8 +59,8 @@ static inline uint32_t frame_bits(const struct bus_frame *frame)
     return (extended ? 67u : 47u) + ((frame->flags & FRAME_REMOTE) ? 0u : 8u * frame->len);
 }
 
-/* Returns how many of these bits use the data rate: with a bit rate switch the bits behind it up to
- * the end of the CRC, else none. */
+/* Returns the number of bits of frame_bits() at the data rate. With a bit rate switch: the bits
+ * from the switch to the end of the CRC. Otherwise 0. */
 uint32_t frame_fast_bits(const struct bus_frame *frame);
 
 /* Makes a classic data frame with a standard identifier; len <= 8; data beyond len is zero. */
@@ -87,7 +87,7 @@ static inline int hex_value(char c)
                                   : -1;
 }
 
-/* Reads a number of `digits` hexadecimal digits; false = one of them is no digit. */
+/* Reads a number of `digits` hexadecimal digits; false = a character is not a digit. */
 static inline bool hex_read(const char *text, size_t digits, uint32_t *value)
 {
     *value = 0;

@@ -17,7 +17,7 @@ enum {
     TURNS = 256,
     IDLE_MS = 1000,
     POLL_MS = 1,
-    LOOK_MS = 20, /* how often the ports are emptied when no client waits for frames */
+    LOOK_MS = 20, /* interval at which the ports are emptied when no client waits for frames */
 };
 
 /* ---- what the buses have received ---- */
@@ -81,8 +81,8 @@ static void gateway_forward_buses(struct gateway *gateway)
 
 enum { POLL_FIXED = 2 + GATEWAY_SLCAN, POLL_MAX = POLL_FIXED + GATEWAY_CLIENTS + GATEWAY_BUSES };
 
-/* Returns the poll events of a client, and lowers the timeout if necessary. A client whose STEP
- * waits is not read; one that has just received "ok" gets no frames yet. */
+/* Returns the poll events of a client, and lowers the timeout if necessary. A client with a waiting
+ * STEP is not read. A client that has just received "ok" gets no frames yet. */
 static short gateway_client_events(const struct gateway *gateway,
                                    const struct gateway_client *client, int *timeout_ms)
 {
@@ -97,7 +97,7 @@ static short gateway_client_events(const struct gateway *gateway,
     return (short)((held ? 0 : POLLIN) | (client->waiting && !quiet ? POLLOUT : 0));
 }
 
-/* Finds out whether a client receives the frames of a bus. */
+/* Returns whether any client receives the frames of a bus. */
 static bool gateway_look_for_hearers(struct gateway *gateway)
 {
     bool heard = false;
@@ -131,8 +131,8 @@ static size_t gateway_prepare_poll(struct gateway *gateway, struct pollfd fd[POL
                                       .events = gateway_client_events(gateway, client, timeout_ms)};
     }
     for (size_t b = 0; b < gateway->config.nbus; b++) {
-        /* Wait on the buses when a client hears them; in lockstep only on the bus of the DONE.
-         * Without a client the thread only empties the ports, now and then. */
+        /* In lockstep, poll only the bus of the DONE. Otherwise, poll the buses only if a client
+         * receives their frames. Without a client, the thread empties the ports every LOOK_MS. */
         struct can_port *port = gateway->config.bus[b].port;
         int descriptor =
             (lockstep->on ? b == lockstep->bus : heard) ? port->ops->descriptor(port) : -1;
@@ -148,7 +148,8 @@ static size_t gateway_prepare_poll(struct gateway *gateway, struct pollfd fd[POL
     return count;
 }
 
-/* Executes clients' commands: those that a STEP held back, then new ones, and a STEP last. */
+/* Executes clients' commands: first commands that waited for a STEP, then new commands, and last a
+ * STEP. */
 static void gateway_serve_clients(struct gateway *gateway, const struct pollfd fd[GATEWAY_CLIENTS])
 {
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
@@ -164,8 +165,9 @@ static void gateway_serve_clients(struct gateway *gateway, const struct pollfd f
     gateway_release_step(gateway);
 }
 
-/* Sends the output of clients, except to those that must receive their answer alone. Clients that
- * may receive the DONE of a STEP come last, after the other clients have all frames of the STEP. */
+/* Sends the output of clients, except clients that must receive an answer alone. Clients that may
+ * receive the DONE of a STEP come last, so that the other clients already have all frames of the
+ * STEP. */
 static void gateway_flush_clients(struct gateway *gateway)
 {
     const struct gateway_lockstep *lockstep = &gateway->config.lockstep;

@@ -14,11 +14,11 @@
  * GATEWAY_JUNK_MAX wrong commands or an endless command, or opens no bus. The bus never waits for a
  * client. Not RT-safe: the thread runs beside the loop.
  *
- * Lockstep. The server passes on a STEP after it has read every client completely. A frame that a
- * host on this machine sent before the STEP, on any connection, therefore belongs to the STEP; over
- * a network only frames of one connection are ordered. Later frames of clients wait until the STEP
- * is done or lost. The DONE of the STEP's bus follows all frames of the boards on all buses. For a
- * bounded time, a STEP waits for clients that have not read their output.
+ * Lockstep. The server forwards a STEP after it has read the waiting data of all clients. A frame
+ * that a host on this machine sent before the STEP, on any connection, therefore belongs to the
+ * STEP; over a network only frames of one connection are ordered. Later frames of clients wait
+ * until the STEP is done or lost. The DONE of the STEP's bus follows all frames of the boards on
+ * all buses. A STEP waits for clients that have not read their output, for a limited time.
  *
  * All memory is allocated at the start. The thread serves clients, buses and the stop event in
  * turn, each for a bounded time. When a bus refuses a frame because its queue is full, the frame is
@@ -37,7 +37,7 @@
 
 enum {
     GATEWAY_BUSES = 64,
-    /* room for two clients with a connection for each of ten buses, and more */
+    /* enough for two clients with one connection per bus on ten buses */
     GATEWAY_CLIENTS = 32,
     GATEWAY_OUTBOX = 256 * 1024,
     GATEWAY_JUNK_MAX = 16,
@@ -50,7 +50,7 @@ enum { GATEWAY_PORT = 29536 }; /* default port of socketcand */
 
 /* How to recognize STEP and DONE (canbus/lockstep.h). */
 struct gateway_lockstep {
-    bool on;                   /* off: a STEP goes to the bus, and the client gets an error */
+    bool on;                   /* false: a STEP is sent to the bus, and the client gets an error */
     size_t bus;                /* bus of the STEP; its DONE is sent last */
     uint32_t step_id, done_id; /* done_id 0 = no STEP exists */
 };
@@ -79,8 +79,8 @@ struct gateway_config {
     size_t nslcan;                     /* at most GATEWAY_SLCAN */
     const struct gateway_slcan *slcan; /* not copied */
     bool slcan_only;                   /* no socketcand server: host and port are unused */
-    /* In lockstep: after a STEP, passes nothing to clients until gateway_release_done. An observer
-     * of the buses thus sees the frames of a STEP before a client can answer */
+    /* In lockstep: after a STEP, forwards nothing to clients until gateway_release_done. An
+     * observer of the buses therefore sees the frames of a STEP before a client can answer */
     bool hold_done;
 };
 
@@ -92,7 +92,7 @@ struct gateway_counters {
     uint64_t cut_silent; /* disconnected because they opened no bus */
     uint64_t to_bus;     /* frames */
     uint64_t not_taken;  /* client frames that their bus refused */
-    uint64_t to_client;  /* frames, counted once per client */
+    uint64_t to_client;  /* frames sent to clients, counted once per client */
     uint64_t wakeups;    /* wake-ups of the thread */
 };
 
@@ -106,7 +106,8 @@ enum error_code gateway_start(const struct gateway_config *config, struct arena 
 /* Returns the TCP port of the server; 0 with slcan_only. */
 uint16_t gateway_port(const struct gateway *gateway);
 
-/* With hold_done: passes on the frames of a STEP and its DONE. From any thread; RT-safe. */
+/* With hold_done: forwards the frames of a STEP and its DONE to the clients. From any thread;
+ * RT-safe. */
 void gateway_release_done(struct gateway *gateway);
 
 /* Returns how many DONE frames of the lockstep bus have been queued for clients. Later frames of a

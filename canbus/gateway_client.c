@@ -11,8 +11,8 @@
 #include <unistd.h>
 
 enum {
-    OPEN_MS = 10000, /* disconnect a client that has opened no bus after this time */
-    YIELD_MS = 1000, /* the same, if another client needs the place */
+    OPEN_MS = 10000, /* time after which a client without a bus is disconnected */
+    YIELD_MS = 1000, /* the same time, if another client needs the place */
 };
 
 int64_t gateway_now_ms(void)
@@ -85,8 +85,8 @@ void gateway_queue_text(struct gateway *gateway, struct gateway_client *client, 
     client->waiting += length;
 }
 
-/* Checks whether a client receives a frame of a bus. Clients of every bus get a single DONE, the
- * one of the STEP's bus. */
+/* Checks whether a client receives a frame of a bus. A client with every bus gets only one DONE,
+ * from the STEP's bus. */
 static bool gateway_client_hears(const struct gateway *gateway, const struct gateway_client *client,
                                  size_t bus, const struct bus_frame *frame)
 {
@@ -101,8 +101,7 @@ static bool gateway_client_hears(const struct gateway *gateway, const struct gat
 void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus_frame *frame,
                            const struct gateway_client *from)
 {
-    /* Text of the frame without [0] and with [1] the bus name, formatted once when a client needs
-     * it */
+    /* Text of the frame without ([0]) and with ([1]) the bus name; formatted at the first use */
     char text[2][SOCKETCAND_TEXT_MAX], slcan[SLCAN_TEXT_MAX];
     size_t length[2] = {0, 0};
 
@@ -177,8 +176,8 @@ void gateway_close_silent(struct gateway *gateway)
     }
 }
 
-/* Returns a free place, or the place of the client that has been without a bus for longest, which
- * is disconnected; NULL = none. */
+/* Returns a free place; NULL = none. If all places are taken, disconnects the client that has been
+ * without a bus for the longest time. */
 static struct gateway_client *gateway_find_place(struct gateway *gateway)
 {
     struct gateway_client *oldest = NULL;

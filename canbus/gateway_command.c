@@ -9,12 +9,12 @@
 #include <string.h>
 
 enum {
-    /* Delay of frames after an "ok": common clients expect the answer alone. */
+    /* Delay of frames after an "ok", because common clients expect this answer alone. */
     QUIET_MS = 20,
-    /* After this time without DONE, clients are served again: the STEP takes long, or STEP or DONE
-     * was lost */
+    /* Time without DONE after which clients are served again: a slow STEP, or a lost STEP or
+     * DONE */
     STEP_MS = 200,
-    /* A client that does not read for this time while a STEP waits is disconnected */
+    /* Time after which a client that does not read is disconnected, while a STEP waits */
     BEHIND_MS = 2000,
     /* Most reads of each client before a STEP, GATEWAY_INBOX bytes each: more than its bus holds */
     DRAIN_ROUNDS = 256,
@@ -38,7 +38,7 @@ bool gateway_is_step(const struct gateway *gateway, size_t bus, const struct bus
     return lockstep->on && gateway_looks_like_step(lockstep, bus, frame);
 }
 
-/* Checks whether a frame would be the STEP if the run had the lockstep clock. */
+/* Checks whether a frame looks like a STEP although the run has no lockstep clock. */
 static bool gateway_is_vain_step(const struct gateway *gateway, size_t bus,
                                  const struct bus_frame *frame)
 {
@@ -69,7 +69,7 @@ bool gateway_send_frame(struct gateway *gateway, struct gateway_client *client, 
 
     frame.time_ns = gateway->time_ns[bus];
     if (can_send(gateway->config.bus[bus].port, &frame, 1) != 1) {
-        /* A full queue is not the client's error: it does not count as junk */
+        /* A full queue is not an error of the client, so it does not count as junk */
         gateway->counters.not_taken++;
         if (!client->is_slcan) {
             gateway_answer_client(gateway, client, "< error the bus refuses the frame >");
@@ -125,7 +125,7 @@ static void gateway_reject_bus(struct gateway *gateway, struct gateway_client *c
     gateway_reject_command(gateway, client, text);
 }
 
-/* Opens the bus that a client names, or every bus; a client opens once. */
+/* Opens the bus that a client names, or every bus. A client can open only once. */
 static void gateway_open_bus(struct gateway *gateway, struct gateway_client *client,
                              const char *name)
 {
@@ -142,7 +142,7 @@ static void gateway_open_bus(struct gateway *gateway, struct gateway_client *cli
     }
 }
 
-/* Sends a client's frame to the named or opened bus; a STEP waits for its turn. */
+/* Sends a client's frame to the named or opened bus. A STEP waits until gateway_release_step. */
 static void gateway_take_frame(struct gateway *gateway, struct gateway_client *client,
                                const struct socketcand_request *request)
 {
@@ -163,7 +163,7 @@ static void gateway_take_frame(struct gateway *gateway, struct gateway_client *c
         client->step_waits = true;
         return;
     }
-    /* Send the frame as any other, but tell the client that no DONE will come */
+    /* Send the frame as usual, and answer that no DONE will follow */
     if (gateway_is_vain_step(gateway, bus, &request->frame)) {
         gateway_answer_client(
             gateway, client,
@@ -178,7 +178,7 @@ static void gateway_execute_command(struct gateway *gateway, struct gateway_clie
 {
     struct socketcand_request request;
 
-    /* A client that sends more has read the last "ok": its frames may follow */
+    /* The client has read the last "ok", because it sends more: it may get frames now */
     client->quiet_until_ms = 0;
 
     /* Before a bus is open, only open and echo are valid */
@@ -246,7 +246,7 @@ void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *clien
         gateway_execute_command(gateway, client, begin, (size_t)(end - begin) + 1);
     }
 
-    /* Keep an incomplete command; one beyond the longest command will never end */
+    /* Keep an incomplete command, unless it is longer than the longest command */
     client->received -= at;
     memmove(client->inbox, client->inbox + at, client->received);
     if (!complete && client->received >= SOCKETCAND_TEXT_MAX) {
@@ -257,9 +257,9 @@ void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *clien
 
 /* ---- STEP ---- */
 
-/* Reads every client until it has sent everything, or its next command is a STEP. Reading
- * acknowledges data, which makes the client's system send the bytes that Nagle's algorithm delays.
- * It therefore reads again until nothing arrives, at most DRAIN_ROUNDS times. */
+/* Reads every client until no data arrives or the next command is a STEP, at most DRAIN_ROUNDS
+ * times. It repeats the reads, because a read acknowledges data, and the client's system then sends
+ * bytes that Nagle's algorithm delayed. */
 static void gateway_drain_clients(struct gateway *gateway)
 {
     struct pollfd fd[GATEWAY_CLIENTS];
@@ -284,7 +284,7 @@ static void gateway_drain_clients(struct gateway *gateway)
     }
 }
 
-/* Checks whether a client must read first: its outbox is more than half full, and a STEP waits. */
+/* Checks whether a STEP must wait for a client to read: its outbox is more than half full. */
 bool gateway_is_behind(const struct gateway_client *client)
 {
     return client->socket >= 0 && client->mode == CLIENT_RAW &&

@@ -30,7 +30,7 @@ struct gateway_slcan_state {
 
 struct gateway_client {
     int socket; /* -1 = free place */
-    int other;  /* terminal: the other end */
+    int other;  /* terminal: its slave end */
     bool is_slcan, is_terminal;
     struct gateway_slcan_state slcan;
     enum gateway_client_mode mode;
@@ -54,7 +54,7 @@ struct gateway {
     int64_t *time_ns;      /* time of the newest frame of each bus, on its clock */
     int64_t step_until_ms; /* a STEP runs and clients wait until this time; 0 = none runs */
     _Atomic uint64_t done_count;
-    atomic_bool heard;  /* a client hears a bus */
+    atomic_bool heard;  /* a client receives frames of a bus */
     _Atomic bool holds; /* holds back the frames of a STEP until released */
     int listener, stop_event;
     int slcan_listener[GATEWAY_SLCAN]; /* -1 = a terminal */
@@ -69,8 +69,8 @@ int64_t gateway_now_ms(void);
 
 /* ---- gateway_client.c ---- */
 
-/* Accepts every waiting client of a listener. slcan: index of its channel, negative = socketcand.
- * Rejects clients when all places are taken. */
+/* Accepts all waiting clients of a listener. slcan: index of the listener's channel; negative =
+ * socketcand. Rejects clients when all places are taken. */
 void gateway_accept_clients(struct gateway *gateway, int listener, int slcan);
 
 /* Disconnects clients that have not opened a bus in time. */
@@ -83,7 +83,7 @@ void gateway_read_client(struct gateway *gateway, struct gateway_client *client)
 void gateway_queue_text(struct gateway *gateway, struct gateway_client *client, const char *text,
                         size_t length);
 
-/* Sends the client's outbox, as far as the system accepts it. */
+/* Sends as much of the client's outbox as the system accepts. */
 void gateway_flush_client(struct gateway_client *client);
 
 void gateway_close_client(struct gateway_client *client);
@@ -91,7 +91,7 @@ void gateway_close_client(struct gateway_client *client);
 /* Disconnects a client that does not read and discards its output. */
 void gateway_cut_slow(struct gateway *gateway, struct gateway_client *client);
 
-/* Queues a frame for all raw-mode clients of a bus except the sender (NULL = the bus). */
+/* Queues a frame for all raw-mode clients of a bus, except its sender; NULL = sent by the bus. */
 void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus_frame *frame,
                            const struct gateway_client *from);
 
@@ -115,12 +115,12 @@ bool gateway_find_bus(const struct gateway *gateway, const char *name, size_t *b
 bool gateway_send_frame(struct gateway *gateway, struct gateway_client *client, size_t bus,
                         const struct bus_frame *request);
 
-/* Executes all complete commands in the inbox up to a STEP, which waits there; none while a STEP
- * runs. Skips text between commands. */
+/* Executes the complete commands in the inbox up to a STEP, which stays in the inbox. While a STEP
+ * runs, executes nothing. Skips text between commands. */
 void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *client);
 
-/* Sends the waiting STEP, if any, when every client has been read completely and has read most of
- * its output. */
+/* Sends the waiting STEP. First reads the waiting data of all clients, and waits until the clients
+ * have read most of their output. */
 void gateway_release_step(struct gateway *gateway);
 
 /* ---- gateway_slcan.c ---- */
@@ -133,7 +133,8 @@ void gateway_slcan_stop(struct gateway *gateway);
  * does. */
 void gateway_slcan_execute_inbox(struct gateway *gateway, struct gateway_client *client);
 
-/* Closes the channel of a terminal that is not read or has closed; F then reports an overrun. */
+/* Closes the slcan channel of a terminal whose client does not read or has left. The command F then
+ * reports an overrun. */
 void gateway_slcan_reset(struct gateway_client *client);
 
 /* Checks whether a client must read before a STEP may run. */

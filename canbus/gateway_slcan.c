@@ -29,8 +29,8 @@ static void gateway_slcan_answer(struct gateway *gateway, struct gateway_client 
     gateway_queue_text(gateway, client, text, strlen(text));
 }
 
-/* Sends a client's frame and acknowledges it (z or Z), or answers with the bell. A STEP waits for
- * its turn. */
+/* Sends a client's frame and acknowledges it (z or Z), or answers with the bell. A STEP waits until
+ * gateway_release_step. */
 static void gateway_slcan_take_frame(struct gateway *gateway, struct gateway_client *client,
                                      const struct bus_frame *frame)
 {
@@ -83,7 +83,7 @@ static void gateway_slcan_execute(struct gateway *gateway, struct gateway_client
 
     /* Commands of a closed channel */
     case SLCAN_OPEN:
-        /* For listening only, or for sending too */
+        /* Open for listening only, or also for sending */
         fits = client->mode != CLIENT_RAW && !client->slcan.refused;
         if (fits) {
             client->mode = CLIENT_RAW;
@@ -93,7 +93,7 @@ static void gateway_slcan_execute(struct gateway *gateway, struct gateway_client
         return;
     case SLCAN_BIT_RATE:
     case SLCAN_DATA_RATE:
-        /* A bit rate other than the bus's is refused, and so is a later opening */
+        /* Refuse a bit rate that differs from the bus's, and then also a later SLCAN_OPEN */
         fits = client->mode != CLIENT_RAW &&
                request.value ==
                    (request.command == SLCAN_DATA_RATE ? bus->data_bitrate : bus->bitrate);
@@ -221,7 +221,7 @@ static enum error_code gateway_slcan_open_terminal(struct gateway *gateway, size
         error_set_errno(error, errno, "slcan: cannot set %s", name);
         goto fail;
     }
-    /* The link to its name, and its place among the clients */
+    /* Make the link, and take a place among the clients */
     if (slcan_make_link(slcan->path, name, error)) {
         goto fail;
     }
@@ -244,7 +244,7 @@ fail:
     return error->code;
 }
 
-/* Refuses an unknown bus and lists the known ones. */
+/* Returns an error about an unknown bus, with a list of the known ones. */
 static enum error_code gateway_slcan_refuse_bus(const struct gateway *gateway, const char *name,
                                                 struct error *error)
 {

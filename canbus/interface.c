@@ -14,11 +14,11 @@
 
 enum { BITRATE_MAX = 1000000, RESTART_MS_MAX = 3600000 };
 
-/* Relative difference by which a controller may miss the requested bit rate. */
+/* Largest accepted relative difference from the requested bit rate. */
 static const double BITRATE_TOLERANCE = 0.005;
 
-/* As a fraction of a bit. A controller has at least eight time quanta per bit, so its error is at
- * most half a quantum. */
+/* Tolerance of the sample point, fraction of a bit: half a time quantum of a controller with eight
+ * quanta per bit, the fewest. */
 static const double SAMPLE_POINT_TOLERANCE = 0.0625;
 
 enum interface_kind interface_kind(const struct link_info *info)
@@ -79,7 +79,7 @@ bool interface_port_state(const struct link_info *info, enum can_port_state *sta
     return true;
 }
 
-/* Asks the kernel about an interface; ERROR_INPUT when there is none of that name. */
+/* Queries an interface from the kernel; ERROR_INPUT = no such interface. */
 static enum error_code interface_query(void *context, const char *name, struct link_info *info,
                                        struct error *error)
 {
@@ -154,7 +154,7 @@ static enum error_code interface_check_settings(const char *name,
     return ERROR_NONE;
 }
 
-/* Turns the result of libsocketcan, whose reason is in errno, into an error. */
+/* Converts a result of libsocketcan and errno into an error. */
 static enum error_code interface_check_result(int result, const char *name, const char *what,
                                               struct error *error)
 {
@@ -218,7 +218,8 @@ static enum error_code interface_apply_settings(const char *name,
     return ERROR_NONE;
 }
 
-/* Stops a controller, sets it, and starts it again. On failure restores the old settings. */
+/* Stops a controller, applies the settings, and starts it again. On failure restores the old
+ * settings. */
 static enum error_code interface_configure(void *context, const char *name,
                                            const struct interface_settings *settings,
                                            struct error *error)

@@ -2,8 +2,8 @@
 /*
  * Real CAN interfaces: settings, state and control of their controllers. Queries use one rtnetlink
  * request (canbus/link.h): it prints nothing, and its answer is consistent. Settings use
- * libsocketcan, for controllers only, because on virtual interfaces the library prints to stderr
- * and fails. It also prints a line when the kernel refuses a setting, in addition to the returned
+ * libsocketcan, and only for controllers. On virtual interfaces the library prints to stderr and
+ * fails. It also prints a line when the kernel refuses a setting, in addition to the returned
  * error. Setting needs CAP_NET_ADMIN.
  *
  * Not RT-safe: calls open sockets and wait for the kernel's interface lock. Functions that only
@@ -29,14 +29,14 @@ struct interface_settings {
     int64_t restart_ms;  /* delay of the kernel's restart after bus-off; 0 = no restart */
 };
 
-/* Operations on interfaces, for a supervisor: those of the kernel, or those of a test. */
+/* Operations on interfaces, for a supervisor. A test can supply its own operations. */
 struct interface_ops {
     /* ERROR_INPUT when there is no such interface. */
     enum error_code (*query)(void *context, const char *name, struct link_info *info,
                              struct error *error);
 
-    /* Stops a controller, sets it and starts it. If it refuses the settings, the old ones are
-     * restored; a controller that was down then stays down. */
+    /* Stops a controller, applies the settings and starts it. If it refuses the settings, restores
+     * the old ones; a controller that was down then stays down. */
     enum error_code (*configure)(void *context, const char *name,
                                  const struct interface_settings *settings, struct error *error);
 
@@ -61,7 +61,7 @@ const char *interface_state_name(enum can_state state);
 /* Converts a controller's state to a port state; false = the controller is stopped. */
 bool interface_port_state(const struct link_info *info, enum can_port_state *state);
 
-/* Start and stop a controller; no effect if that is its state already. */
+/* Start and stop a controller. No effect if it is already in this state. */
 enum error_code interface_start(const char *name, struct error *error);
 enum error_code interface_stop(const char *name, struct error *error);
 

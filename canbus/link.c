@@ -48,7 +48,8 @@ static bool link_copy_attribute(const struct rtattr *attribute, void *to, size_t
     return true;
 }
 
-/* Returns the type of an attribute without the flag that newer kernels put on nested ones. */
+/* Returns the type of an attribute. Removes the flag that newer kernels set on nested
+ * attributes. */
 static int link_attribute_type(const struct rtattr *attribute)
 {
     return attribute->rta_type & NLA_TYPE_MASK;
@@ -94,8 +95,8 @@ static void link_parse_controller(const struct rtattr *data, struct link_control
     }
 }
 
-/* Parses the kind of the interface, which comes first; for a CAN controller also its data and
- * statistics. */
+/* Parses the kind of the interface, which is the first attribute. For a CAN controller, also parses
+ * its data and statistics. */
 static void link_parse_kind(const struct rtattr *info, struct link_info *link)
 {
     int rest = (int)RTA_PAYLOAD(info);
@@ -139,7 +140,7 @@ int link_parse(const void *answer, size_t size, struct link_info *info)
         return failure.error < 0 && failure.error >= -INT16_MAX ? -failure.error : EPROTO;
     }
 
-    /* The interface, and its attributes in any order */
+    /* Parse the interface, then its attributes, which can have any order */
     if (header->nlmsg_type != RTM_NEWLINK || header->nlmsg_len < NLMSG_LENGTH(sizeof link)) {
         return EPROTO;
     }

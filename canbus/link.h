@@ -17,7 +17,7 @@ enum { LINK_KIND_MAX = 16 };
 /* A CAN controller as its driver reports it; missing values are 0. */
 struct link_controller {
     enum can_state state;
-    struct can_bittiming timing, data_timing; /* bit rate 0 = not set; data_timing: no FD */
+    struct can_bittiming timing, data_timing; /* bit rate 0: not set; in data_timing also: no FD */
     struct can_clock clock;
     struct can_ctrlmode mode;
     uint32_t restart_ms;

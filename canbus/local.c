@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The bus in the process. Each ordered pair of nodes has a ring with one writer and one reader, so
- * that no lock is needed. The sender gives every frame a number that is unique on the bus. A
- * receiver merges its rings by this number, so all receivers have the same order.
+ * Implements the bus in the process. Each ordered pair of nodes has a ring with one writer and one
+ * reader, so that no lock is needed. The sender gives every frame a number that is unique on the
+ * bus. A receiver merges its rings by this number, so all receivers have the same order.
  *
- * In wire mode the wire is an additional place. Senders write into its rings, where frames wait for
- * the next advance. It writes the carried frames into the receivers' rings.
+ * In wire mode the wire is one more place on the bus. Senders write into the wire's rings, where
+ * frames wait for the next advance. The wire writes the carried frames into the receivers' rings.
  */
 #include "base/array.h"
 #include "base/ring.h"
@@ -22,7 +22,7 @@
 
 /* A frame on its way to a node. */
 struct local_frame {
-    uint64_t number; /* order on the bus; unused on the way to the wire */
+    uint64_t number; /* position in the order of the bus; unused in rings to the wire */
     struct bus_frame frame;
 };
 
@@ -31,8 +31,8 @@ enum { LOCAL_NODES_MAX = 256 };
 /* Bits of node.signal. */
 enum {
     SIGNAL_WANTED = 1, /* the next frame makes the descriptor readable */
-    SIGNAL_RAISED = 2, /* frames have arrived since the node last found none */
-    SIGNAL_EVENT = 4,  /* the descriptor is readable, or will be within an instant */
+    SIGNAL_RAISED = 2, /* frames have arrived since the node last found its inbox empty */
+    SIGNAL_EVENT = 4,  /* the descriptor is readable, or a sender is about to make it readable */
 };
 
 /* The frames in transit from one sender to one receiver. */
@@ -59,15 +59,15 @@ struct local_node {
     enum wire_state shown;         /* the state last reported to the port */
     _Atomic uint64_t wire_dropped; /* accepted frames that the wire lost, counted by the wire */
     uint64_t wire_dropped_seen;    /* part of wire_dropped that the port has counted */
-    uint64_t wire_dropped_told;    /* part of the wire's statistics already added to wire_dropped */
+    uint64_t wire_dropped_told;    /* drops of the wire already added to wire_dropped */
 };
 
 struct local_bus {
     const char *name;
     struct local_bus_config config;
-    size_t places; /* lanes per row: the nodes, and the wire if there is one */
+    size_t places; /* lanes per row: max_nodes, and in wire mode one more */
     pthread_mutex_t joining;
-    _Atomic size_t count;      /* nodes that have joined; all below are complete */
+    _Atomic size_t count;      /* number of joined nodes; all of them are complete */
     _Atomic uint64_t sequence; /* number of the next frame */
     struct local_node *nodes;
     struct local_lane *lanes; /* [receiver * places + sender] */
@@ -77,7 +77,7 @@ struct local_bus {
     size_t controllers;                     /* controllers in use */
     _Atomic uint64_t plugged;               /* controllers whose port is open */
     uint64_t plugged_seen;                  /* value of `plugged` that the wire has applied */
-    enum wire_state *state;                 /* of each controller */
+    enum wire_state *state;                 /* state of each controller */
     uint64_t dropped_seen;                  /* drops of the wire already passed to the ports */
     uint64_t reached[LOCAL_NODES_MAX / 64]; /* mask of ports that received frames in this advance */
     void (*tap)(void *context, const struct bus_frame *frame);
@@ -95,8 +95,8 @@ static inline struct local_node *local_node_of_port(const struct can_port *port)
     return container_of(port, struct local_node, port);
 }
 
-/* Checks whether a node's filters let a frame pass; without filters, and for error frames, all
- * do. */
+/* Checks whether a node's filters accept a frame. Without filters, and for error frames, returns
+ * true. */
 static bool local_node_accepts(const struct local_node *node, const struct bus_frame *frame)
 {
     const bool extended = frame->flags & FRAME_EXTENDED;
@@ -120,7 +120,7 @@ static void local_raise_event(int event)
     const uint64_t one = 1;
     ssize_t written;
 
-    /* A write fails only if the counter is full, and then the descriptor is readable */
+    /* A write fails only if the counter is full, and the descriptor is then already readable */
     do {
         written = write(event, &one, sizeof one);
     } while (written < 0 && errno == EINTR);
@@ -171,7 +171,8 @@ static void local_signal_node(struct local_node *node)
     if (before & SIGNAL_WANTED) {
         uint32_t now = before | SIGNAL_RAISED;
 
-        /* Of several senders, the one that takes SIGNAL_WANTED away writes to the descriptor */
+        /* If several senders signal, only the sender that clears SIGNAL_WANTED writes to the
+         * descriptor */
         while (now & SIGNAL_WANTED) {
             const uint32_t next = (now & ~(uint32_t)SIGNAL_WANTED) | SIGNAL_EVENT;
 
@@ -397,9 +398,9 @@ static void local_report_wire_drops(struct local_bus *bus)
     }
 }
 
-/* Gives the frames that a port has sent since the last advance to its controllers. They become
- * ready at the time of the last advance. The order between ports does not matter, because each
- * controller belongs to one port. */
+/* Moves the frames that a port has sent since the last advance to its controllers. The frames
+ * become ready at the time of the last advance. The order between ports does not matter, because
+ * each controller belongs to one port. */
 static void local_transmit_waiting(struct local_bus *bus, size_t sender)
 {
     struct ring *ring = &local_lane_between(bus, bus->config.max_nodes, sender)->ring;
@@ -456,7 +457,7 @@ static enum error_code local_wire_create(struct local_bus *bus, struct arena *ar
     };
     enum error_code code;
 
-    /* The configuration with its defaults */
+    /* Apply the defaults to the configuration */
     config->bitrate = config->bitrate ? config->bitrate : BITRATE_DEFAULT;
     config->wire_nodes = config->wire_nodes ? config->wire_nodes : config->max_nodes;
     wire.bitrate = config->bitrate;
@@ -468,7 +469,8 @@ static enum error_code local_wire_create(struct local_bus *bus, struct arena *ar
     wire.restart_delay_ns = config->restart_delay_ns;
     wire.seed = config->seed;
 
-    /* Create the wire with all controllers disconnected: no port is open that could acknowledge */
+    /* Create the wire with all controllers disconnected, because no open port can acknowledge
+     * yet */
     code = wire_create(&wire, arena, &bus->wire, error);
     if (code) {
         return error_prefix(error, "local bus %s", config->name);
@@ -547,9 +549,8 @@ static size_t local_send(struct can_port *port, const struct bus_frame *frames, 
     return accepted;
 }
 
-/* Returns the lane whose oldest frame is the next in the order of the bus; NULL = all are empty.
- * *count: number of its frames. *limit: frames with smaller numbers come before every other
- * lane's. */
+/* Returns the lane with the next frame in the order of the bus; NULL = all lanes are empty. *count:
+ * frames in this lane. *limit: smallest number in the other lanes. */
 static struct local_lane *local_first_lane(const struct local_node *node, uint32_t *count,
                                            uint64_t *limit)
 {
@@ -603,11 +604,11 @@ static size_t local_take_frames(struct local_node *node, struct bus_frame *frame
     while (taken < max && (lane = local_first_lane(node, &count, &limit))) {
         const struct local_frame *entry = ring_front(&lane->ring);
 
-        /* Take the frames of this lane that come before every other lane's */
+        /* Take the frames of this lane that come before the frames of all other lanes */
         do {
             frames[taken] = entry->frame;
-            /* Remove the sender's controller, because the receiver may send the frame with its
-             * own */
+            /* Clear the sender's controller, because the receiver may send the frame by its own
+             * controllers */
             frames[taken].node = 0;
             ring_drop(&lane->ring);
             port_count_received(&node->port, &frames[taken]);
@@ -648,7 +649,7 @@ static int local_descriptor(const struct can_port *port)
     struct local_node *node = local_node_of_port(port);
     uint32_t before = atomic_fetch_or_explicit(&node->signal, SIGNAL_WANTED, memory_order_acq_rel);
 
-    /* Frames that wait already make it readable at once */
+    /* If frames already wait, make it readable at once */
     if ((before & SIGNAL_RAISED) && !(before & SIGNAL_EVENT)) {
         local_signal_node(node);
     }
@@ -731,7 +732,7 @@ enum error_code local_bus_create(const struct local_bus_config *config, struct a
         return code;
     }
 
-    /* The bus with nodes and lanes; the wire needs one more place */
+    /* Allocate the bus with nodes and lanes; the wire needs one more place */
     created = arena_alloc(arena, 1, sizeof *created);
     if (created) {
         created->name = arena_strdup(arena, config->name);
@@ -747,7 +748,7 @@ enum error_code local_bus_create(const struct local_bus_config *config, struct a
                          config->name, config->max_nodes, config->inbox);
     }
 
-    /* The wire */
+    /* Create the wire */
     if (wire) {
         code = local_wire_create(created, arena, error);
         if (code) {
@@ -835,9 +836,9 @@ void local_bus_destroy(struct local_bus *bus)
 
 /* ---- saving ---- */
 
-/* Saves and restores the frames in the rings between the nodes of one thread. The calling thread is
- * writer and reader of these rings, so it drains and fills them with the normal operations. It
- * leaves all other rings alone. */
+/* Saved frames of the rings between the nodes of one thread. This thread is writer and reader of
+ * these rings, so it drains and fills them with the normal operations. Other rings do not
+ * change. */
 
 enum { SAVED_FRAMES_MAX = 2048, CONTROLLERS_MAX = 64 };
 
@@ -915,7 +916,7 @@ bool local_bus_save(const struct local_bus *bus, size_t own, void *memory)
     if (bus->wire) {
         memcpy(save->state, bus->state, bus->config.wire_nodes * sizeof *bus->state);
     }
-    /* The nodes */
+    /* Save the nodes */
     for (size_t n = 0; n < bus->config.max_nodes; n++) {
         const struct local_node *node = &bus->nodes[n];
 
@@ -924,7 +925,7 @@ bool local_bus_save(const struct local_bus *bus, size_t own, void *memory)
                                       .shown = node->shown,
                                       .wire_dropped_told = node->wire_dropped_told};
     }
-    /* The frames in the lanes of the calling thread */
+    /* Save the frames in the lanes of the calling thread */
     for (size_t i = 0; i < bus->places * bus->places; i++) {
         if (local_lane_is_own(bus, own, i / bus->places, i % bus->places) &&
             !local_save_lane(&bus->lanes[i], save, &count[i])) {

@@ -22,7 +22,7 @@ enum lockstep_verdict lockstep_receive(struct lockstep *lockstep, const struct b
         lockstep->counters.malformed++;
         return LOCKSTEP_MALFORMED;
     }
-    /* Refuse a STEP with another tick than the present one */
+    /* Refuse a STEP whose tick differs from the present tick */
     lockstep->expected = get_u32_le(frame->data);
     if (lockstep->expected != lockstep->tick) {
         lockstep->counters.mismatches++;

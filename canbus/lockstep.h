@@ -6,10 +6,10 @@
  *   STEP  u32 LE expected tick, u16 LE number of ticks (0 = 1)
  *   DONE  u32 LE tick, u16 LE flags (enum lockstep_flag)
  *
- * Both sides count the ticks that have run. A STEP carries the count before it runs, DONE the count
- * after, which the next STEP must carry. A STEP with another count does not run: the answer is DONE
- * with the true count and LOCKSTEP_MISMATCH. Either side may therefore restart; the host takes its
- * count from this answer. RT-safe.
+ * Both sides count the ticks that have run. A STEP carries the count before it runs, and DONE the
+ * count after it. The next STEP must carry the count of this DONE. A STEP with a different count
+ * does not run: the answer is DONE with the simulator's count and LOCKSTEP_MISMATCH. Either side
+ * may therefore restart, because the host takes the count from this answer. RT-safe.
  */
 #ifndef CANBUS_LOCKSTEP_H
 #define CANBUS_LOCKSTEP_H
@@ -69,14 +69,15 @@ enum lockstep_verdict lockstep_receive(struct lockstep *lockstep, const struct b
  * last. */
 bool lockstep_advance(struct lockstep *lockstep, uint16_t flags);
 
-/* Makes the DONE frame with the collected flags and `more`; clears the collected ones. */
+/* Makes the DONE frame with the collected flags and the flags in `more`; clears the collected
+ * flags. */
 struct bus_frame lockstep_done(struct lockstep *lockstep, uint16_t more);
 
 /* Starts a wait for a STEP. */
 void lockstep_wait_begin(struct lockstep *lockstep, int64_t now_ns);
 
-/* Checks a wait: true = report the silence now (*silent_ns: its duration). The first report comes
- * after silence_ns, further ones at intervals that double up to a minute. */
+/* Checks a wait for a STEP: true = report the silence now (*silent_ns: its duration). The first
+ * report comes after silence_ns, further ones at intervals that double up to a minute. */
 bool lockstep_wait_check(struct lockstep *lockstep, int64_t now_ns, int64_t *silent_ns);
 
 /* Ends a wait: true = a silence was reported (*silent_ns: its duration). */

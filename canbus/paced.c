@@ -23,7 +23,7 @@ static struct paced *paced_of_port(const struct can_port *port)
     return container_of(port, struct paced, port);
 }
 
-/* Copies state and counters of the inner port, and adds what was dropped here. */
+/* Copies state and counters of the inner port, and adds the frames dropped here. */
 static void paced_copy_state(struct paced *paced)
 {
     paced->port.state = paced->port.inner->state;
@@ -31,14 +31,14 @@ static void paced_copy_state(struct paced *paced)
     paced->port.counters.tx_dropped += paced->dropped;
 }
 
-/* Sends the frames that the wire has carried by the inner port. */
+/* Sends the carried frames of the batch through the inner port. */
 static void paced_send_batch(struct paced *paced)
 {
     can_send(paced->port.inner, paced->batch, paced->count);
     paced->count = 0;
 }
 
-/* Collects a carried frame for sending. A frame of the far side only goes to the tap. */
+/* Adds a carried frame to the batch for sending. A received frame only goes to the tap. */
 static void paced_receive_wire_event(void *context, const struct wire_event *event)
 {
     struct paced *paced = context;
@@ -47,7 +47,7 @@ static void paced_receive_wire_event(void *context, const struct wire_event *eve
         paced->tap(paced->tap_context, event->frame);
     }
     if (event->node == paced->config.nodes) {
-        return; /* the far side has this frame already */
+        return; /* a received frame: do not send it back */
     }
     if (paced->count == BATCH) {
         paced_send_batch(paced);
@@ -98,7 +98,8 @@ static size_t paced_receive(struct can_port *port, struct bus_frame *frames, siz
 
     for (size_t i = 0; i < count; i++) {
         if (!paced_bypasses_wire(paced, &frames[i])) {
-            /* A full queue drops the frame: the wire could not have carried it */
+            /* If the queue is full the frame is dropped, because the wire could not have carried
+             * it */
             wire_transmit(paced->wire, paced->config.nodes, &frames[i]);
         }
     }

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A port with the timing of a real bus, in front of a port without it (vcan). Sent frames pass
- * through a wire in virtual time (canbus/wire/wire.h) and leave by the other port at the end of
- * their wire time. Received frames have already arrived and pass at once; they occupy the wire as
- * frames of one more controller. The state is that of the other port; frames that the wire drops
- * count as tx_dropped. The time resolution is the interval of the calls of paced_port_advance.
+ * A port that adds the timing of a real bus to another port (vcan). Sent frames pass through a wire
+ * in virtual time (canbus/wire/wire.h). The other port sends each frame at the end of its wire
+ * time. Received frames pass at once, because they have already arrived; they occupy the wire as
+ * frames of one more controller. The state is copied from the other port. Frames that the wire
+ * drops count as tx_dropped. The time resolution is the interval between calls of
+ * paced_port_advance.
  *
  * Closing it closes the other port. The port's functions are RT-safe if the other port's are.
  */
@@ -33,7 +34,7 @@ enum error_code paced_port_create(const struct paced_port_config *config, struct
 /* Advances the wire to a virtual time and sends the frames that it has carried by then. RT-safe. */
 void paced_port_advance(struct can_port *port, int64_t now_ns);
 
-/* Sets a function that paced_port_advance calls for every carried frame of either side. Call it
+/* Sets a function that paced_port_advance calls for every carried frame, sent or received. Call it
  * before the first frame. RT-safe. */
 void paced_port_tap(struct can_port *port,
                     void (*tap)(void *context, const struct bus_frame *frame), void *context);

@@ -17,7 +17,7 @@ static enum can_port_state port_state_after_error(enum can_port_state state,
     if (frame->id & CAN_ERR_RESTARTED) {
         return CAN_PORT_UP;
     }
-    /* Error states cause a stuck queue, so they do not end STUCK */
+    /* A stuck queue causes error states, so an error state does not end STUCK */
     if ((frame->id & CAN_ERR_CRTL) && state != CAN_PORT_STUCK) {
         if (controller & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) {
             return CAN_PORT_PASSIVE;
@@ -36,7 +36,7 @@ void port_count_received(struct can_port *port, const struct bus_frame *frame)
 {
     if (frame->flags & FRAME_ERROR) {
         port->counters.error_frames++;
-        /* Ignore old error frames that are still queued after the loss of the interface */
+        /* After the loss of the interface, ignore old error frames that are still queued */
         if (port->state != CAN_PORT_DOWN && port->state != CAN_PORT_GONE) {
             port->state = port_state_after_error(port->state, frame);
         }

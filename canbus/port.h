@@ -18,9 +18,9 @@ enum can_port_state {
     CAN_PORT_WARNING, /* controller in error warning */
     CAN_PORT_PASSIVE, /* controller error passive */
     CAN_PORT_BUS_OFF, /* controller bus-off */
-    CAN_PORT_DOWN,    /* interface is down */
+    CAN_PORT_DOWN,    /* interface is down (ip link set down) */
     CAN_PORT_GONE,    /* interface was removed */
-    CAN_PORT_STUCK,   /* the interface's queue has been full for a long time: no frame leaves */
+    CAN_PORT_STUCK,   /* no frame was sent for SOCKETCAN_STUCK_NS: the queue is full */
 };
 
 /* Returns the name of a state: "up", "gone", ... RT-safe. */
@@ -29,8 +29,8 @@ const char *can_port_state_name(enum can_port_state state);
 /* Counters of a port since it was opened. */
 struct can_counters {
     uint64_t rx_frames, tx_frames;
-    uint64_t rx_bits, tx_bits; /* sums of frame_bits(), for the load figure */
-    uint64_t fast_bits;        /* sum of frame_fast_bits(), both ways */
+    uint64_t rx_bits, tx_bits; /* sums of frame_bits(), for the bus load */
+    uint64_t fast_bits;        /* sum of frame_fast_bits(), received and sent */
     /* frames lost before reception (socket buffer or local inbox full); complete when no frame
      * waits */
     uint64_t rx_dropped;
@@ -40,7 +40,7 @@ struct can_counters {
     uint64_t tx_queue_full; /* number of ENOBUFS/EAGAIN errors */
     uint64_t error_frames;
     uint64_t rx_malformed; /* short reads, impossible lengths */
-    uint64_t down_events;  /* how often the interface was down or gone */
+    uint64_t down_events;  /* number of times when the interface went down or was removed */
     uint64_t tx_held;      /* frames kept for the next cycle because the queue was full */
 };
 
@@ -58,14 +58,14 @@ struct can_port_ops {
     const char *name; /* "socketcan", "local" */
     /* Receives up to max waiting frames in order; never waits. RT-safe. */
     size_t (*receive)(struct can_port *port, struct bus_frame *frames, size_t max);
-    /* Sends frames in order. Returns how many were accepted; the others are dropped and counted. An
-     * invalid frame is dropped alone; after a full queue all further frames are dropped. Dropped
-     * frames are never sent later, because the next cycle has newer values. A port on a real
-     * interface holds some frames when the queue is full, see socketcan_open. Never waits.
-     * RT-safe. */
+    /* Sends frames in order. Returns how many were accepted; the others are dropped and counted. If
+     * a frame is invalid, only this frame is dropped. If the queue is full, all further frames are
+     * dropped. Dropped frames are never sent later, because the next cycle has newer values. A port
+     * on a real interface holds some frames when the queue is full, see socketcan_open. Never
+     * waits. RT-safe. */
     size_t (*send)(struct can_port *port, const struct bus_frame *frames, size_t count);
-    /* Returns a descriptor that polls readable when frames wait; -1 = none. Call it before each
-     * poll: on a local bus one call pays for one wake-up. RT-safe. */
+    /* Returns a descriptor that becomes readable when frames wait; -1 = none. Call it before each
+     * poll, because on a local bus each call enables only one wake-up. RT-safe. */
     int (*descriptor)(const struct can_port *port);
     /* Not RT-safe. */
     void (*close)(struct can_port *port);
@@ -81,8 +81,8 @@ struct can_port {
     struct can_counters counters;
 };
 
-/* A mailbox for a controller's state. A thread that queries the controller posts its state for the
- * ports, because error frames do not report every recovery. 0 = nothing yet. RT-safe. */
+/* A mailbox for a controller's state. Error frames do not report every recovery. A thread therefore
+ * queries the controller and posts the state for the ports. post 0 = nothing posted. RT-safe. */
 struct can_state_box {
     _Atomic uint32_t post; /* number << 8 | enum can_port_state */
 };
@@ -96,9 +96,9 @@ struct socketcan_config {
     const struct frame_filter *filter; /* NULL = everything */
     size_t nfilter;
     bool receive_own;         /* receive this port's own frames too, if the filters accept them */
-    int receive_buffer_bytes; /* 0 = 4 MiB; beyond the system's limit if allowed */
+    int receive_buffer_bytes; /* 0 = 4 MiB; above the system's limit if allowed */
     const struct can_state_box *controller; /* NULL = only error frames change the state */
-    bool sought; /* another thread looks for a lost interface with socketcan_seek */
+    bool sought; /* another thread searches for a lost interface with socketcan_seek */
 };
 
 enum { SOCKETCAN_HELD_MAX = 128, SOCKETCAN_STUCK_NS = 100000000 };
@@ -108,25 +108,26 @@ enum { SOCKETCAN_HELD_MAX = 128, SOCKETCAN_STUCK_NS = 100000000 };
  * on an interface without it (ERROR_INPUT); interface down, no permission (ERROR_SYSTEM).
  *
  * The port receives error frames, which change port->state. A later loss of the interface sets the
- * state DOWN or GONE. receive and send then look for it at most once a second, even if it is
- * created again. This waits for the kernel's interface lock, so for a real-time loop another thread
- * looks (config.sought).
+ * state DOWN or GONE. receive and send then search for the interface at most once a second, even if
+ * it is created again. A search waits for the kernel's interface lock. For a real-time loop, set
+ * config.sought, and another thread searches.
  *
- * frame->time_ns is the kernel's reception time on CLOCK_MONOTONIC. It never goes back. When the
- * time of day is set meanwhile, it is limited to between the last frame and now.
+ * frame->time_ns is the kernel's reception time on CLOCK_MONOTONIC. It never decreases. If somebody
+ * sets the time of day meanwhile, it is limited to the range from the last frame to now.
  *
  * A real interface has a short queue (txqueuelen); sending to a full one fails (ENOBUFS). The port
  * then holds the failed frames, one per identifier, up to SOCKETCAN_HELD_MAX. The next receive or
  * send sends them first. While the queue stays full, a newer frame replaces the held one of its
  * identifier, because in periodic frames only the newest value matters. Replaced frames, including
- * replies, and frames without room count as tx_dropped. When no frame has left for
- * SOCKETCAN_STUCK_NS, no node acknowledges (no other node, or bus-off). The state is then STUCK,
- * and attempts follow after 10, 20, 40 ... ms, at most a second apart, until one succeeds. */
+ * replies, and frames without room count as tx_dropped. If no frame was sent for
+ * SOCKETCAN_STUCK_NS, no node acknowledges (no other node, or bus-off). The state is then STUCK.
+ * The port tries again after 10, 20, 40 ... ms, at most a second apart, until an attempt
+ * succeeds. */
 enum error_code socketcan_open(const struct socketcan_config *config, struct arena *arena,
                                struct can_port **port, struct error *error);
 
-/* Looks for the lost interface of a port with config.sought; the port uses it again at its next
- * receive or send. Call it about once a second from one thread other than the port's. Not
+/* Searches for the lost interface of a port with config.sought. The port uses a found interface at
+ * its next receive or send. Call it about once a second from one thread other than the port's. Not
  * RT-safe. */
 void socketcan_seek(struct can_port *port);
 
@@ -137,8 +138,8 @@ bool socketcan_available(void);
  * A bus in the process. Its nodes may belong to different threads (lock-free).
  *
  * Ideal mode: a sent frame is at every other node at once; time_ns stays as the sender set it.
- * Every receiver gets all frames in the order of sending. Frames sent while another thread is
- * inside its send call may have any order relative to that thread's frames.
+ * Every receiver gets all frames in the order of sending. Frames that two threads send at the same
+ * time may have any order relative to each other.
  *
  * Wire mode: frames pass through a wire in virtual time (canbus/wire/wire.h), which
  * local_bus_advance moves. A frame enters its node's controller at the time of the last advance,
@@ -155,9 +156,9 @@ enum local_bus_mode { LOCAL_BUS_IDEAL, LOCAL_BUS_WIRE };
 
 struct local_bus_config {
     const char *name;
-    size_t max_nodes; /* most ports that may join during the life of the bus */
-    /* frames that a port holds of each other port, and of the wire; when full, further ones are
-     * dropped and counted as rx_dropped; a power of two */
+    size_t max_nodes; /* most joins during the life of the bus */
+    /* capacity in frames for each pair of ports, and for the wire and each port; a power of two.
+     * When it is full, further frames are dropped and counted as rx_dropped */
     size_t inbox;
     bool fd; /* nodes may send FD frames */
     enum local_bus_mode mode;
@@ -179,21 +180,21 @@ struct local_bus_config {
 enum error_code local_bus_create(const struct local_bus_config *config, struct arena *arena,
                                  struct local_bus **bus, struct error *error);
 
-/* Joins the bus; earlier frames are not received. From any thread, while others send. Copies the
- * filters (at most LOCAL_BUS_FILTERS_MAX). The place of a closed port is not used again: max_nodes
- * limits all joins. After a call of descriptor() a port signals its descriptor once, so that a port
- * that never waits costs no system call. Not RT-safe.
+/* Joins the bus and opens a port. It does not receive earlier frames. From any thread, also while
+ * other ports send. Copies the filters (at most LOCAL_BUS_FILTERS_MAX). The place of a closed port
+ * is not used again, so max_nodes limits all joins. After a call of descriptor() a port signals its
+ * descriptor once. A port that never waits therefore costs no system call. Not RT-safe.
  *
- * `nodes` is the number of its controllers on the wire, several for the boards of a simulator.
- * frame.node selects the sending controller. Each controller has its own queue and error counters.
- * They acknowledge each other's frames but do not receive them. The port's state is the worst of
- * its controllers on the bus, bus-off if none is. In ideal mode the number has no effect. */
+ * nodes: number of the port's controllers on the wire, such as one per simulated board. frame.node
+ * selects the sending controller. Each controller has its own queue and error counters. They
+ * acknowledge each other's frames but do not receive them. The port's state is the worst of its
+ * controllers on the bus, bus-off if none is. In ideal mode the number has no effect. */
 enum error_code local_bus_join(struct local_bus *bus, size_t nodes,
                                const struct frame_filter *filter, size_t nfilter,
                                struct can_port **port, struct error *error);
 
 /* Runs the wire up to a virtual time and delivers the frames that have arrived. No effect in ideal
- * mode. From one thread, which keeps time. RT-safe. */
+ * mode. Call it from one thread only, the thread that advances time. RT-safe. */
 void local_bus_advance(struct local_bus *bus, int64_t now_ns);
 
 /* Returns the wire, for inspection and fault injection from the thread that advances it; NULL in
@@ -207,10 +208,10 @@ void local_bus_tap(struct local_bus *bus, void (*tap)(void *context, const struc
                    void *context);
 
 /* Saves the frames in transit between the first `own` nodes, and between them and the wire;
- * restoring puts them in transit again, so that virtual time can go back. The calling thread must
- * be the one that advances and the only one that uses these nodes. Save the wire's memory
- * (canbus/wire/wire.h) at the same time. memory has local_bus_save_size bytes, aligned to 8; false
- * = more frames are in transit than fit. Frames of other nodes stay, and the counters of all ports
+ * restoring puts them in transit again, so that virtual time can go back. Only the thread that
+ * advances the bus may call it, and no other thread may use these nodes. Save the wire's memory
+ * (canbus/wire/wire.h) at the same time. memory: local_bus_save_size bytes, aligned to 8; false =
+ * too many frames are in transit. Frames of other nodes stay, and the counters of all ports
  * continue. RT-safe. */
 size_t local_bus_save_size(const struct local_bus *bus);
 bool local_bus_save(const struct local_bus *bus, size_t own, void *memory);

@@ -12,7 +12,8 @@ void port_count_received(struct can_port *port, const struct bus_frame *frame);
 /* Counts a frame that the bus has accepted. RT-safe. */
 void port_count_sent(struct can_port *port, const struct bus_frame *frame);
 
-/* Descriptor and close of a port in front of another: pass the call to the other port. */
+/* Operations `descriptor` and `close` of a port that wraps another port. They call the inner
+ * port. */
 int port_inner_descriptor(const struct can_port *port);
 void port_inner_close(struct can_port *port);
 

@@ -1,12 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A port that plays recorded frames in front of another port of any back end. A received batch
- * begins with the recorded frames that are due; the frames of the other port follow. Closing it
- * closes the other port. Counters and state are those of the other port; played frames count as
- * received.
+ * begins with the due recorded frames; the frames of the other port follow. Closing it closes the
+ * other port. Counters and state are copied from the other port; played frames count as received.
  *
- * Time is virtual and belongs to the owner: the first call at or after a frame's time receives it.
- * The port's functions are RT-safe.
+ * Time is virtual, and the owner advances it. The first receive at or after a frame's time returns
+ * the frame. The port's functions are RT-safe.
  */
 #ifndef CANBUS_REPLAY_PORT_H
 #define CANBUS_REPLAY_PORT_H

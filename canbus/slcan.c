@@ -85,7 +85,7 @@ static enum slcan_command slcan_read_command(const char *text, size_t size, int6
         *value *= 1000000;
         return SLCAN_DATA_RATE;
 
-    /* Opening, closing and what the channel reports */
+    /* Opening, closing and reports of the channel */
     case 'O':
     case 'L':
         *value = text[0] == 'L';

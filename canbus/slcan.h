@@ -21,10 +21,10 @@
 enum slcan_command {
     SLCAN_FRAME,     /* frame */
     SLCAN_BIT_RATE,  /* value: bit/s */
-    SLCAN_DATA_RATE, /* value: bit/s, of FD frames with bit rate switch */
+    SLCAN_DATA_RATE, /* value: bit/s of FD frames with bit rate switch */
     SLCAN_OPEN,      /* value: 1 = listen only */
     SLCAN_CLOSE,
-    SLCAN_TIME_STAMP, /* value: 0, 1 */
+    SLCAN_TIME_STAMP, /* value: 0 = off, 1 = on */
     SLCAN_STATUS,
     SLCAN_VERSION,
     SLCAN_SERIAL,

@@ -2,7 +2,7 @@
 /* Ports on raw SocketCAN sockets: one recvmmsg and one sendmmsg per tick and bus, all memory
  * preallocated. The socket stays open when its interface is lost. It is bound again when the
  * interface returns, and keeps its options and drop counter. When the interface's queue is full,
- * the newest frame of each identifier is held and sent first later. */
+ * the port holds the newest frame of each identifier and sends it first at the next call. */
 #include "base/array.h"
 #include "canbus/link.h"
 #include "canbus/port_private.h"
@@ -34,11 +34,11 @@ struct socketcan {
     int socket;
     int link; /* descriptor for link_query */
     bool want_fd;
-    struct can_filter *filter; /* in the kernel's format, for a new interface */
+    struct can_filter *filter; /* in the kernel's format; needed again for a new interface */
     size_t nfilter;
     int64_t last_ns;   /* time of the last frame received */
     uint32_t overflow; /* last value of the kernel's drop counter */
-    bool full_batch;   /* the last read filled the batch */
+    bool full_batch;   /* the last read returned a full batch */
     int64_t retry_ns;  /* earliest next search for a lost interface, CLOCK_MONOTONIC */
     struct canfd_frame raw[SOCKETCAN_BATCH];
     struct iovec vector[SOCKETCAN_BATCH];
@@ -48,13 +48,13 @@ struct socketcan {
     const struct can_state_box *controller;
     uint32_t post; /* last post read from the box */
 
-    /* Shared by the port and the thread that looks for its interface */
+    /* Shared by the port and the thread that searches for its interface */
     bool sought;
     atomic_bool lost;         /* the interface is lost and not found yet */
     _Atomic uint32_t finding; /* number << 9 | FD possible << 8 | enum can_port_state */
     uint32_t finding_seen;
 
-    /* The newest frame of each identifier that found the queue full, in order of arrival */
+    /* Frames that the full queue refused: the newest one of each identifier, in order of arrival */
     struct bus_frame held[SOCKETCAN_HELD_MAX];
     size_t nheld;
     int64_t full_since_ns; /* time since when no frame has left; 0 = the queue was not full */
@@ -96,18 +96,18 @@ static void socketcan_note_queue_moving(struct socketcan *can)
 
 enum { RETRY_NS = 1000000000 };
 
-/* ---- lost and found interfaces ---- */
+/* ---- loss and return of the interface ---- */
 
 static void socketcan_lose_interface(struct socketcan *can, int code)
 {
     if (!socketcan_is_lost(&can->port)) {
         can->port.counters.down_events++;
-        can->retry_ns = 0; /* search at once: it may have returned */
+        can->retry_ns = 0; /* search at once, because it may have returned */
         atomic_store(&can->lost, true);
     }
     can->port.state = code == ENETDOWN ? CAN_PORT_DOWN : CAN_PORT_GONE;
 
-    /* Drop the held frames: they will be too old */
+    /* Drop the held frames, because they will be too old */
     can->port.counters.tx_dropped += can->nheld;
     can->nheld = 0;
     socketcan_note_queue_moving(can);
@@ -179,7 +179,7 @@ static void socketcan_find_interface(struct socketcan *can)
     bool fd = false;
     enum can_port_state state;
 
-    /* If another thread looks for the interface, use its result */
+    /* If another thread searches for the interface, use its result */
     if (can->sought) {
         if (finding != can->finding_seen) {
             can->finding_seen = finding;
@@ -188,7 +188,7 @@ static void socketcan_find_interface(struct socketcan *can)
         return;
     }
 
-    /* Otherwise look for it here, at most once a second */
+    /* Otherwise search for it here, at most once a second */
     now = socketcan_clock_ns(CLOCK_MONOTONIC);
     if (now < can->retry_ns) {
         return;
@@ -205,8 +205,8 @@ enum {
 
 /* ---- the interface's queue ---- */
 
-/* Notes that the interface's queue is full, which is normal for a short time. If it stays full, no
- * node acknowledges the frames. */
+/* Records that the interface's queue is full. This is normal for a short time. If the queue stays
+ * full, no node acknowledges the frames. */
 static void socketcan_note_queue_full(struct socketcan *can)
 {
     const int64_t now = socketcan_clock_ns(CLOCK_MONOTONIC);
@@ -269,8 +269,8 @@ static size_t socketcan_fill_batch(struct socketcan *can, const struct bus_frame
     return size;
 }
 
-/* Sends a batch of size frames. Returns the number of processed frames: the kernel accepted *taken
- * of them; the device could not carry the others. */
+/* Sends a batch of `size` frames. Returns the number of processed frames: the kernel accepted
+ * *taken of them, the others were skipped. */
 static size_t socketcan_send_batch(struct socketcan *can, const struct bus_frame *frames,
                                    size_t size, size_t *taken)
 {
@@ -334,8 +334,8 @@ static bool socketcan_same_identifier(const struct bus_frame *a, const struct bu
     return a->id == b->id && !((a->flags ^ b->flags) & (FRAME_EXTENDED | FRAME_REMOTE));
 }
 
-/* Holds a frame that found the queue full, in place of an older one with its identifier; false = no
- * room, and the frame is dropped. */
+/* Holds a frame while the queue is full. It replaces an older held frame with the same identifier.
+ * False = no room; the frame is dropped. */
 static bool socketcan_hold_frame(struct socketcan *can, const struct bus_frame *frame)
 {
     struct can_counters *counters = &can->port.counters;
@@ -389,7 +389,7 @@ static size_t socketcan_send(struct can_port *port, const struct bus_frame *fram
         at = socketcan_transmit(can, frames, count, &accepted);
     }
 
-    /* Hold the frames that found the queue full */
+    /* Hold the frames that the full queue refused */
     for (; at < count && can->full_since_ns; at++) {
         accepted += socketcan_hold_frame(can, &frames[at]);
     }
@@ -403,7 +403,7 @@ static size_t socketcan_send(struct can_port *port, const struct bus_frame *fram
 static bool socketcan_decode_frame(const struct canfd_frame *raw, size_t size,
                                    struct bus_frame *frame)
 {
-    /* The size says whether the frame is classic or FD */
+    /* The size distinguishes classic and FD frames */
     memset(frame, 0, sizeof *frame);
     if (size != CAN_MTU && size != CANFD_MTU) {
         return false;
@@ -428,7 +428,7 @@ static bool socketcan_decode_frame(const struct canfd_frame *raw, size_t size,
         frame->flags |= FRAME_REMOTE;
     }
 
-    /* A device may deliver invalid lengths: never copy more than a legal length */
+    /* A device may deliver an invalid length: copy at most a valid one */
     frame->len = raw->len;
     if (!frame_valid(frame)) {
         return false;
@@ -439,8 +439,8 @@ static bool socketcan_decode_frame(const struct canfd_frame *raw, size_t size,
     return true;
 }
 
-/* Counts lost frames up to a value of the kernel's drop counter. The value may be older than the
- * last one. */
+/* Counts the frames lost since the last value of the kernel's drop counter. Ignores older
+ * values. */
 static void socketcan_count_overflow(struct socketcan *can, uint32_t overflow)
 {
     const int32_t more = (int32_t)(overflow - can->overflow);
@@ -488,8 +488,8 @@ static void socketcan_query_overflow(struct socketcan *can, bool full_batch)
     can->full_batch = full_batch;
 }
 
-/* Limits the time of a frame to between the last frame and now. The kernel uses the time of day,
- * which may have been set while the frame waited. */
+/* Limits the time of a frame to the range from the last frame to now. The kernel uses the time of
+ * day, and somebody may have set it while the frame waited. */
 static void socketcan_limit_time(struct socketcan *can, int64_t now, struct bus_frame *frame)
 {
     frame->time_ns = frame->time_ns < now ? frame->time_ns : now;
@@ -535,7 +535,7 @@ static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames,
     struct socketcan *can = socketcan_of_port(port);
     size_t count = 0;
 
-    /* Look for a lost interface, then send the held frames */
+    /* Search for a lost interface, then send the held frames */
     if (socketcan_is_lost(port)) {
         socketcan_find_interface(can);
     }
@@ -698,8 +698,8 @@ static enum error_code socketcan_make_filters(struct socketcan *can,
     return ERROR_NONE;
 }
 
-/* Enlarges the receive buffer, whose default holds 278 frames. Exceeds the system's limit if
- * allowed. Returns 0 or -1 with errno set. */
+/* Enlarges the receive buffer; the default holds 278 frames. Exceeds the system's limit if the
+ * process has the right. Returns 0, or -1 with errno set. */
 static int socketcan_set_receive_buffer(int socket, int bytes)
 {
     if (!bytes) {
@@ -838,13 +838,13 @@ enum error_code socketcan_open(const struct socketcan_config *config, struct are
         return code;
     }
 
-    /* The sockets */
+    /* Open the sockets */
     code = socketcan_start(can, config, error);
     if (code) {
         goto fail;
     }
 
-    /* Frames get times from now on */
+    /* Times of frames start at the present time */
     can->port.ops = &socketcan_ops;
     can->port.fd = config->fd;
     can->port.state = CAN_PORT_UP;

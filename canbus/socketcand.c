@@ -57,7 +57,7 @@ static bool socketcand_copy_bus(const char *word, char bus[SOCKETCAND_BUS_MAX + 
     return (size_t)snprintf(bus, SOCKETCAND_BUS_MAX + 1, "%s", word) <= SOCKETCAND_BUS_MAX;
 }
 
-/* Checks whether the words end here, optionally with a bus name, which is copied. */
+/* Checks that the words end here, or after an optional bus name. Copies the bus name. */
 static bool socketcand_parse_end(const struct socketcand_words *words, size_t at, char *bus)
 {
     return words->count == at ||

@@ -46,10 +46,10 @@ struct socketcand_request {
 /* Parses size bytes of text, from < to >. */
 void socketcand_parse(const char *text, size_t size, struct socketcand_request *request);
 
-/* Writes a frame as the server sends it, with the bus name unless NULL. A newline comes first;
- * clients skip it. python-can 4 loses the character before a partly received message, and reports
- * an error for a newline at the end. Returns the length without the terminating zero; 0 for error
- * frames. The time is frame->time_ns. */
+/* Writes a frame as the server sends it, with the bus name unless NULL. The text begins with a
+ * newline, which clients skip. Reason: python-can 4 loses the character before a partly received
+ * message, and reports an error for a newline at the end. Returns the length without the
+ * terminating zero; 0 for error frames. The time is frame->time_ns. */
 size_t socketcand_format(const struct bus_frame *frame, const char *bus,
                          char text[SOCKETCAND_TEXT_MAX]);
 

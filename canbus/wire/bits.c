@@ -138,7 +138,7 @@ void wire_tables_make(struct wire_tables *tables)
 
 struct wire_counting {
     const struct wire_tables *tables;
-    unsigned entry; /* table entry of the last byte: state and end */
+    unsigned entry; /* stuff table entry of the last byte (ENTRY_STATE, ENTRY_LAST) */
     unsigned stuffed;
 };
 
@@ -149,8 +149,9 @@ static inline void wire_count_byte(struct wire_counting *counting, unsigned byte
     counting->stuffed += counting->entry >> ENTRY_STUFFED;
 }
 
-/* Counts the stuff bits of right-aligned bits. Alternating fill bits that end with 1 complete the
- * first byte on the left. They need no stuff bit, and SOF starts a new run behind them. */
+/* Counts the stuff bits of `count` right-aligned bits. To count by whole bytes, it puts alternating
+ * fill bits in front of SOF. The last fill bit is 1, so SOF starts a new run, and fill bits cause
+ * no stuff bit. */
 static inline struct wire_counting wire_count_header(const struct wire_tables *tables,
                                                      uint64_t bits, unsigned count)
 {
@@ -204,7 +205,7 @@ static inline struct wire_length wire_classic_length(const struct wire_tables *t
         stuffed += entry >> ENTRY_STUFFED;
     }
     crc &= 0x7FFF;
-    /* The 16th bit is the complement of the CRC's last bit, so that it completes no run */
+    /* Append a 16th bit, the complement of the CRC's last bit, so that it completes no run */
     crc = crc << 1 | (~crc & 1);
     entry = tables->stuff[(entry & ENTRY_STATE) | crc >> 8];
     stuffed += entry >> ENTRY_STUFFED;
@@ -303,7 +304,7 @@ int64_t wire_length_ns(struct wire_length length, int64_t bitrate, int64_t data_
 /* State during the writing of a frame's bits. */
 struct wire_writing {
     struct wire_bits *bits;
-    unsigned run;     /* equal bits at the end */
+    unsigned run;     /* length of the last run of equal bits */
     unsigned stuffed; /* number of stuff bits so far */
 };
 
@@ -378,7 +379,7 @@ static void wire_put_fd_check(struct wire_writing *writing, uint8_t len)
     for (int i = 3; i >= 0; i--) {
         crc = wire_crc_bit(crc, count >> i & 1, width, polynomial);
     }
-    /* Both with fixed stuff bits, each the opposite of the bit before it */
+    /* Append both with fixed stuff bits, each the complement of the bit before it */
     check = (uint64_t)count << width | crc;
     for (unsigned i = 0; i < width + 4; i++) {
         if (i % 4 == 0) {

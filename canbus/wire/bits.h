@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The bits of a frame on the wire (ISO 11898-1:2015), including stuff bits: their number and their
- * values.
+ * Number and values of the bits of a frame on the wire (ISO 11898-1:2015), including stuff bits.
  *
  * Classic frames have stuff bits from SOF to the end of the CRC, so their length depends on the
  * CRC-15. FD frames have stuff bits from SOF to the end of the data. Their CRC field has stuff bits
@@ -32,8 +31,8 @@ struct wire_length {
     uint16_t nominal, data; /* at the nominal and at the data bit rate */
 };
 
-/* Tables by byte: the CRC-15; the number of stuff bits of eight bits after a run, and the run at
- * their end. */
+/* Tables by byte. crc15: CRC-15. stuff: stuff bits of a byte that follows a run of equal bits, and
+ * the run at its end. */
 struct wire_tables {
     uint16_t crc15[256];
     uint16_t stuff[8 * 256];
@@ -45,9 +44,9 @@ void wire_tables_make(struct wire_tables *tables);
 struct wire_length wire_frame_length(const struct wire_tables *tables,
                                      const struct bus_frame *frame);
 
-/* Computes the greatest length of a frame of this format and data length over all identifiers and
- * data. It assumes a stuff bit after the first five bits and after every four from there on. For
- * FD, it adds the bit by which a receiver's delay may extend the ACK field. 8 bytes: 132 bits, with
+/* Computes the greatest length of a frame of this format and data length, for any identifier and
+ * data. It assumes a stuff bit after the first five bits, and then after every four bits. For FD,
+ * it adds the bit by which a receiver's delay may extend the ACK field. 8 bytes: 132 bits, with
  * intermission 135; with a 29-bit identifier 157 and 160. */
 struct wire_length wire_worst_length(uint8_t flags, uint8_t len);
 

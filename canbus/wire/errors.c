@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Decides the end of a disturbed frame. If a fault or a collision may affect a frame, its bits are
- * written to wire->bits[0] when it starts. The code then finds every error that a node would
- * detect, and the length of the overlapping error flags of all nodes. The earliest error ends the
- * frame. A position is the index of a bit. */
+ * written to wire->bits[0] when it starts. The code then finds the errors that nodes would detect,
+ * and the total length of the overlapping error flags. The earliest error ends the frame. A
+ * position is the index of a bit. */
 #include "canbus/wire/private.h"
 
 /* An error that ends the frame, as the first node detects it. */
@@ -64,8 +64,8 @@ static unsigned wire_run_of_bits(const struct wire_bits *bits, size_t at, unsign
     return length;
 }
 
-/* Returns the length of all error flags together when a sender finds an error at a bit. The other
- * nodes answer after they have read six equal bits; the first ones may belong to the frame. */
+/* Returns the total length of the error flags when a sender detects an error at a bit. The other
+ * nodes send their flags after six equal bits. The first of these bits may belong to the frame. */
 static unsigned wire_flag_bits_by_sender(const struct wire *wire, const struct wire_bits *bits,
                                          size_t at, unsigned seen)
 {
@@ -76,14 +76,14 @@ static unsigned wire_flag_bits_by_sender(const struct wire *wire, const struct w
         /* A stuff bit was hit: all nodes find the error at the same time */
         return FLAG;
     }
-    /* Without an error active receiver there is no answer; a passive flag ends only after six equal
+    /* Without an error active receiver no other flag follows; a passive flag ends after six equal
      * bits */
     return active && !wire_any_error_active(wire, wire_listeners(wire)) ? FLAG : 2 * FLAG - run;
 }
 
-/* Returns the length of all error flags together when a receiver finds an error at a bit. The
- * sender answers after the first recessive bit that it reads as dominant, the other receivers after
- * six dominant bits. Behind the ACK field all answer at once. */
+/* Returns the total length of the error flags when a receiver detects an error at a bit. The sender
+ * starts its flag after the first recessive bit that it reads as dominant. The other receivers
+ * start their flags after six dominant bits. After the ACK field all nodes start at once. */
 static unsigned wire_flag_bits_by_receiver(const struct wire_bits *bits, size_t at)
 {
     unsigned sender = 0, others;
@@ -98,7 +98,7 @@ static unsigned wire_flag_bits_by_receiver(const struct wire_bits *bits, size_t 
     return FLAG + (sender + 1 > others ? sender + 1 : others);
 }
 
-/* ---- who finds what ---- */
+/* ---- detection of errors ---- */
 
 static struct wire_detection wire_detect_by_sender(const struct wire *wire, size_t at,
                                                    unsigned seen)
@@ -129,7 +129,7 @@ static size_t wire_misread_detected_at(struct wire_bits *bits, size_t wrong)
     return found;
 }
 
-/* ---- hitting frames ---- */
+/* ---- effects of faults ---- */
 
 /* Checks whether a fault hits the starting frame: armed, in its time window, matching sender and
  * identifier, and by its probability. */
@@ -238,7 +238,7 @@ static bool wire_apply_fault(struct wire *wire, const struct wire_fault *fault,
         wire_keep_earliest(kept, &found);
         return true;
     case WIRE_FAULT_LOSS:
-        /* The bus carries the frame; its end decides which receivers miss it */
+        /* The bus carries the frame; these receivers lose it at the end */
         flight->lost |= wire_fault_receivers(fault);
         return true;
     case WIRE_FAULT_LATE:
@@ -336,7 +336,7 @@ static void wire_resolve_collision(struct wire *wire, struct wire_detection *kep
         wire_frame_encode(&wire_flying(wire, (size_t)__builtin_ctzll(flight->senders))->frame,
                           &wire->bits[0]);
 
-        /* The first bit in which any of them differs from the first sender */
+        /* Find the first bit in which a sender differs from the first sender */
         WIRE_FOR_EACH(index, flight->senders & (flight->senders - 1))
         {
             wire_frame_encode(&wire_flying(wire, index)->frame, &wire->bits[1]);
@@ -348,8 +348,8 @@ static void wire_resolve_collision(struct wire *wire, struct wire_detection *kep
             return;
         }
 
-        /* An error active node among the recessive ones ends the frame. Passive ones drop out, and
-         * the rest is compared again */
+        /* If a recessive sender is error active, its flag ends the frame. Passive senders drop out;
+         * compare the remaining senders again */
         recessive = wire_recessive_senders(wire, at);
         if (wire_any_error_active(wire, recessive)) {
             struct wire_detection found = wire_detect_by_sender(wire, at, 0);
@@ -362,7 +362,7 @@ static void wire_resolve_collision(struct wire *wire, struct wire_detection *kep
     }
 }
 
-/* ---- seams ---- */
+/* ---- interface to wire.c ---- */
 
 void wire_disturb(struct wire *wire)
 {
@@ -401,7 +401,7 @@ void wire_disturb(struct wire *wire)
                      wire_bits_ns(wire, (int64_t)kept.flag_bits + WIRE_DELIMITER_BITS);
 }
 
-/* Counts a failed transmission of a node (TEC + 8, or none when `spare`) and reports it. */
+/* Counts a failed transmission of a node (TEC + 8; with `spare` no change) and reports it. */
 static void wire_fail_sender(struct wire *wire, size_t index, enum wire_error error, bool spare)
 {
     struct wire_node *node = &wire->node[index];
@@ -426,7 +426,7 @@ void wire_finish_error(struct wire *wire)
     size_t index;
 
     if (flight->repeat) {
-        /* The receivers take the sender's flag for an overload and answer one bit later */
+        /* The receivers treat the sender's flag as an overload flag and answer one bit later */
         int64_t more_ns = wire_bits_ns(wire, WIRE_ERROR_FLAG_BITS + 1 + WIRE_DELIMITER_BITS);
 
         wire->idle_ns += more_ns;

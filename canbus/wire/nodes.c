@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The nodes: transmit queues (binary heaps of slots, by priority or age), controllers with error
- * counters and states, bus-off and recovery, plugs. */
+/* The nodes of the wire: transmit queues (binary heaps by priority or age), error counters,
+ * controller states, bus-off and recovery, connection to the bus. */
 #include "canbus/wire/private.h"
 
 /* ---- queues ---- */
@@ -60,7 +60,7 @@ void wire_count_drop(struct wire *wire, size_t node, enum wire_drop drop)
     wire->stats.dropped[drop]++;
 }
 
-/* Counts a frame into a queue and keeps the peaks. */
+/* Counts a queued frame and updates the peaks. */
 static void wire_count_queued(struct wire *wire, struct wire_node *node)
 {
     node->stats.queued++;
@@ -145,7 +145,8 @@ void wire_count_errors(struct wire *wire, size_t index, int64_t time_ns, int tec
     struct wire_node_stats *stats = &node->stats;
     enum wire_state before = stats->state;
 
-    /* Change the counters; a received frame returns a passive receiver below the limit at once */
+    /* Change the counters. After a good reception, a passive receiver returns below the limit at
+     * once */
     stats->tec = tec < 0 && !stats->tec ? 0 : (unsigned)((int)stats->tec + tec);
     if (rec < 0) {
         stats->rec =
@@ -165,7 +166,7 @@ void wire_count_errors(struct wire *wire, size_t index, int64_t time_ns, int tec
         return;
     }
 
-    /* A change of state: bus-off, and an event */
+    /* If the state changed, enter bus-off if needed, and emit an event */
     if (stats->state == WIRE_BUS_OFF) {
         wire_enter_bus_off(wire, index, time_ns);
     }

@@ -33,7 +33,7 @@ struct wire_node {
     size_t waiting, nspare;
     uint16_t flying; /* slot of the frame on the wire */
     uint32_t order;
-    int64_t hold_ns; /* suspend transmission: earliest next start */
+    int64_t hold_ns; /* earliest next start (suspend transmission, or after plugging in) */
     int64_t void_ns; /* unplugged: end of its last attempt */
 
     /* In bus-off */
@@ -43,8 +43,8 @@ struct wire_node {
     struct wire_node_stats stats;
 };
 
-/* The fraction of a time beyond whole nanoseconds, below half a nanosecond: in units of ns /
- * (bit/s), for the nominal and the data bit rate. 0 if both rates divide 1 GHz. */
+/* Remainder of a time after rounding to ns, less than half a nanosecond. Units of ns / (bit/s), for
+ * the nominal and the data bit rate. 0 if both rates divide 1 GHz. */
 struct wire_rest {
     int64_t nominal, data;
 };
@@ -55,15 +55,15 @@ struct wire_flight {
     bool disturbed; /* wire_disturb has decided the outcome */
     bool failed;
     bool repeat;         /* received, but the sender sends it again */
-    uint64_t senders;    /* several send the same frame bit for bit, or end in an error */
+    uint64_t senders;    /* mask; several bits: equal frames, or a collision */
     uint64_t beaten;     /* passive senders that dropped out of a collision */
-    uint64_t first;      /* receivers that found the error first */
-    uint64_t blind;      /* passive receivers that alone found an error */
+    uint64_t first;      /* receivers that detected the error first */
+    uint64_t blind;      /* passive receivers that detected an error alone */
     uint64_t lost, late; /* receivers that lose the frame, or get it late */
     bool unacknowledged;
     enum wire_error error;
     int64_t start_ns, end_ns; /* end of EOF or of the error delimiter */
-    struct wire_rest rest;    /* fraction of end_ns */
+    struct wire_rest rest;    /* rounding remainder of end_ns */
     int64_t late_ns;
 };
 
@@ -102,8 +102,8 @@ struct wire {
     uint64_t counting; /* nodes with TEC or REC above 0 */
 
     int64_t idle_ns;       /* end of the last intermission */
-    struct wire_rest rest; /* fraction of idle_ns */
-    int64_t recessive_ns;  /* on an idle line: since when it has been recessive */
+    struct wire_rest rest; /* rounding remainder of idle_ns */
+    int64_t recessive_ns;  /* idle bus: time since when it has been recessive */
     struct wire_flight flight;
 
     struct wire_armed fault[WIRE_FAULTS_MAX];
@@ -128,8 +128,8 @@ static inline int64_t wire_bits_ns(const struct wire *wire, int64_t bits)
     return (bits * 1000000000 + wire->config.bitrate / 2) / wire->config.bitrate;
 }
 
-/* Returns the duration of bits that begin *rest after a whole nanosecond, ns; sets *rest for their
- * end. */
+/* Returns the duration of a number of bits, ns. Adds the rounding remainder *rest and updates
+ * it. */
 static inline int64_t wire_span_ns(int64_t bits, int64_t bitrate, int64_t *rest)
 {
     const int64_t exact = bits * 1000000000 + *rest;

@@ -46,7 +46,8 @@ static void wire_close_windows(struct wire_load *load, int64_t window_ns, int64_
     }
 }
 
-/* Adds a busy time to the load, window by window. from_ns is not before the end of the last one. */
+/* Adds a busy time to the load, window by window. from_ns must not be before the end of the last
+ * busy time. */
 void wire_load_add(struct wire_load *load, int64_t window_ns, int64_t from_ns, int64_t to_ns)
 {
     wire_close_windows(load, window_ns, from_ns);
@@ -60,9 +61,9 @@ void wire_load_add(struct wire_load *load, int64_t window_ns, int64_t from_ns, i
     load->window_busy_ns += to_ns - from_ns;
 }
 
-/* ---- looking ---- */
+/* ---- reading ---- */
 
-/* Copies the statistics; the frame on the wire counts up to now. */
+/* Copies the statistics, including the busy time of the present frame up to now. */
 void wire_stats(const struct wire *wire, struct wire_stats *stats)
 {
     struct wire_load load = wire->load;

@@ -77,7 +77,7 @@ enum error_code wire_create(const struct wire_config *config, struct arena *aren
         return error_set(error, ERROR_MEMORY, "no memory for a wire of %zu nodes", config->nodes);
     }
 
-    /* The configuration with its defaults */
+    /* Apply the defaults to the configuration */
     wire->config = *config;
     if (!config->data_bitrate) {
         wire->config.data_bitrate = config->bitrate;
@@ -124,7 +124,7 @@ static inline int64_t wire_node_may_start(const struct wire *wire, size_t index)
     return node->hold_ns > at ? node->hold_ns : at;
 }
 
-/* The nodes that start next. */
+/* Result of the next arbitration. */
 struct wire_arbitration {
     int64_t at_ns;   /* WIRE_NEVER = no node has a waiting frame */
     uint64_t winner; /* the nodes with the lowest priority number */
@@ -208,8 +208,8 @@ static void wire_start_frame(struct wire *wire, const struct wire_arbitration *a
     struct bus_frame *frame;
     size_t index;
 
-    /* A frame begins exactly where the last one ended (rest), so that rounding errors do not add
-     * up */
+    /* Start exactly at the end of the last frame (rest), so that rounding errors do not
+     * accumulate */
     *flight =
         (struct wire_flight){.busy = true, .start_ns = time_ns, .senders = arbitration->winner};
     if (time_ns == wire->idle_ns) {
@@ -313,7 +313,7 @@ static void wire_finish_good(struct wire *wire)
     if (receivers & flight->late) {
         wire_deliver_late(wire, sender, frame, receivers & flight->late);
     }
-    /* A duplicate: the sender detects an error and sends it again */
+    /* Duplicate: the sender detects an error and sends the frame again */
     if (flight->repeat) {
         return;
     }
@@ -373,7 +373,7 @@ static void wire_finish_disturbed(struct wire *wire)
     }
     wire_return_to_queue(wire, flight->beaten);
 
-    /* Error counters, and suspend transmission for senders that are now passive */
+    /* Update the error counters; suspend transmission of senders that are now passive */
     if (flight->failed || flight->repeat || flight->beaten || flight->blind) {
         wire_finish_error(wire);
     }
@@ -404,10 +404,11 @@ static void wire_finish_frame(struct wire *wire)
     flight->busy = false;
 }
 
-/* ---- what happens beside the frames ---- */
+/* ---- events other than frames ---- */
 
-/* Returns when an unplugged node ends its next attempt to send: without acknowledgment, its own
- * error flag follows. WIRE_NEVER = no waiting frame, or the counter does not change any more. */
+/* Returns the time when an unplugged node ends its next attempt to send. Without acknowledgment,
+ * its own error flag follows. WIRE_NEVER = no waiting frame, or the error counter no longer
+ * changes. */
 static int64_t wire_attempt_end(const struct wire *wire, size_t index)
 {
     const struct wire_node *node = &wire->node[index];
@@ -434,7 +435,7 @@ struct wire_step {
     size_t index;
 };
 
-/* Keeps a step if it is earlier than the one found so far. */
+/* Replaces the earliest step found so far if this step is earlier. */
 static void wire_keep_earlier_step(struct wire_step *step, enum wire_step_kind kind,
                                    int64_t time_ns, size_t index)
 {
@@ -443,8 +444,8 @@ static void wire_keep_earlier_step(struct wire_step *step, enum wire_step_kind k
     }
 }
 
-/* Finds the next step up to and including to_ns. Of simultaneous steps it takes the first in the
- * order below. */
+/* Finds the next step up to and including to_ns. If steps are simultaneous, the first in the order
+ * below wins. */
 static struct wire_step wire_next_step(const struct wire *wire, int64_t to_ns)
 {
     struct wire_step step = {STEP_NONE, to_ns < WIRE_NEVER ? to_ns + 1 : to_ns, 0};
@@ -544,7 +545,7 @@ void wire_advance(struct wire *wire, int64_t to_ns)
     if (to_ns <= wire->now_ns) {
         return;
     }
-    /* Usually there are only frames */
+    /* Usually only frames can happen: use the fast case */
     while (wire->off | wire->unplugged | wire->nlate ? wire_take_step(wire, to_ns)
                                                      : wire_take_frame_step(wire, to_ns)) {
     }

@@ -10,21 +10,21 @@
  * before it. A frame from wire_transmit is ready at the time of the last advance. All frames
  * between two advances therefore compete equally, in any order of the calls. A frame is received at
  * the end of its seven bits of EOF; three bits of intermission follow. Times are rounded to whole
- * nanoseconds; they are exact if the bit rate divides 1 GHz. In consecutive frames rounding errors
- * do not add up, unless a fault may apply to them.
+ * nanoseconds; they are exact if the bit rate divides 1 GHz. Rounding errors do not accumulate over
+ * consecutive frames, except frames to which a fault may apply.
  *
  * Queues. Each node has one bounded queue; frames that find it full are dropped and counted. By
  * default it is a bank of mailboxes: the frame that would win the arbitration goes first, equal
  * ones in order of arrival. WIRE_FIFO sends strictly in order, as controllers with a FIFO do; an
  * urgent frame then waits behind others. A frame on the wire is not preempted.
  *
- * Errors. Every error ends the frame with error flags of 6 to 12 bits in all and a delimiter of 8;
- * the frame is sent again. Error counters (TEC, REC) change by +8, +1 and -1 as in the standard.
- * From 96 a node is in warning. From 128 it is error passive: its flags are recessive and disturb
- * no other node, and after sending it waits another 8 bits. From a TEC of 256 it is bus-off: it
- * loses its queue and neither sends nor receives. It recovers after 128 runs of 11 recessive bits,
- * counted from restart_delay_ns after bus-off. A frame without acknowledgment is an error too; it
- * makes a lone node error passive, never bus-off.
+ * Errors. Every error ends the frame: error flags of 6 to 12 bits in total and a delimiter of 8
+ * bits follow. The sender then sends the frame again. Error counters (TEC, REC) change by +8, +1
+ * and -1 as in the standard. From 96 a node is in warning. From 128 it is error passive: its flags
+ * are recessive and disturb no other node, and after sending it waits another 8 bits. From a TEC of
+ * 256 it is bus-off: it loses its queue and neither sends nor receives. It recovers after 128 runs
+ * of 11 recessive bits, counted from restart_delay_ns after bus-off. A frame without acknowledgment
+ * is an error too; it makes a lone node error passive, never bus-off.
  *
  * All functions except wire_create are RT-safe and belong to one thread.
  */
@@ -50,7 +50,7 @@ enum wire_state { WIRE_ERROR_ACTIVE, WIRE_ERROR_WARNING, WIRE_ERROR_PASSIVE, WIR
 
 /* Kind of an error, as in FMI-LS-BUS. */
 enum wire_error {
-    WIRE_BIT_ERROR, /* the transmitter read another bit than it sent */
+    WIRE_BIT_ERROR, /* the transmitter read a different bit than it sent */
     WIRE_STUFF_ERROR,
     WIRE_FORM_ERROR,
     WIRE_CRC_ERROR,
@@ -71,17 +71,17 @@ struct wire_event {
     int64_t time_ns;
     /* wire_config.nodes = the foreign node of WIRE_FAULT_COLLISION */
     size_t node;
-    const struct bus_frame *frame; /* its time_ns is the time of the event; NULL with STATUS */
+    const struct bus_frame *frame; /* its time_ns is the time of the event; NULL for STATUS */
     uint64_t receivers;            /* mask of nodes */
-    enum wire_error error;         /* BUS_ERROR */
-    enum wire_state state;         /* STATUS */
-    unsigned tec, rec;             /* BUS_ERROR, STATUS: counters of the node after the event */
+    enum wire_error error;         /* only for BUS_ERROR */
+    enum wire_state state;         /* only for STATUS */
+    unsigned tec, rec;             /* only for BUS_ERROR and STATUS: counters after the event */
 };
 
 /* Why a frame was dropped. */
 enum wire_drop {
     WIRE_DROP_QUEUE_FULL,
-    WIRE_DROP_BUS_OFF,   /* queued or handed over while its node was bus-off */
+    WIRE_DROP_BUS_OFF,   /* its node was bus-off, or became bus-off while it waited */
     WIRE_DROP_INVALID,   /* impossible length or identifier; FD on a classic bus */
     WIRE_DROP_LATE_FULL, /* more than WIRE_LATE_MAX held back */
     WIRE_DROPS
@@ -96,7 +96,8 @@ struct wire_config {
     int64_t restart_delay_ns; /* delay of the recovery after bus-off; negative = never */
     int64_t window_ns;        /* averaging window of the present and the peak load; 0 = 100 ms */
     uint64_t seed;            /* seed of the faults' random numbers */
-    /* Called from wire_advance in order of time; must not call the wire. May be NULL. */
+    /* wire_advance calls it for each event, in order of time. It must not call functions of the
+     * wire. May be NULL. */
     void (*notify)(void *context, const struct wire_event *event);
     void *context;
     uint32_t events; /* wanted events, bits 1 << enum wire_event_kind; 0 = all */
@@ -115,8 +116,8 @@ bool wire_transmit(struct wire *wire, size_t node, const struct bus_frame *frame
 /* Runs the bus up to a time. An earlier time than before has no effect. */
 void wire_advance(struct wire *wire, int64_t to_ns);
 
-/* Returns all memory of the wire, with faults, statistics and random numbers. A copy restores the
- * wire when it is copied back to the same address. */
+/* Returns the memory of the wire, which includes faults, statistics and random numbers. To restore
+ * the wire, copy a saved copy back to the same address. */
 void *wire_memory(struct wire *wire, size_t *size);
 
 /* ---- faults ---- */
@@ -133,7 +134,7 @@ enum wire_fault_kind {
     /* The sender misreads the last bit of EOF, after the receivers have accepted the frame, and
      * sends it again. */
     WIRE_FAULT_DUPLICATE,
-    /* Received delay_ns late, as with a slow driver in the receiver. */
+    /* Receivers get the frame delay_ns late, as with a slow driver. */
     WIRE_FAULT_LATE,
     /* A foreign node sends the same identifier with other data at the same time. It counts its own
      * errors and may go bus-off, which ends the collisions until it recovers. */
@@ -148,10 +149,10 @@ struct wire_fault {
     int node;                  /* sending node, WIRE_ANY = all */
     int receiver;              /* CORRUPT_AT: a node; LOSS, LATE: a node or WIRE_ANY */
     uint32_t id, id_mask;      /* (frame id ^ id) & id_mask == 0; mask 0 = every frame */
-    double probability;        /* probability per frame; 0, or 1 and above: every frame */
+    double probability;        /* per frame; 0 or >= 1: every frame */
     uint64_t count;            /* ends after this many hits; 0 = no limit */
     int64_t from_ns, until_ns; /* until_ns 0 = no end */
-    int64_t delay_ns;          /* LATE */
+    int64_t delay_ns;          /* only for LATE */
 };
 
 /* Arms a fault. Returns its number, or -1 when WIRE_FAULTS_MAX are armed or a node does not exist.
@@ -162,7 +163,7 @@ int wire_inject(struct wire *wire, const struct wire_fault *fault);
 uint64_t wire_heal(struct wire *wire, int fault);
 
 /* Connects or disconnects a node. A disconnected node receives nothing, and its frames get no
- * acknowledgment. A connected one joins after 11 recessive bits. */
+ * acknowledgment. A newly connected node joins the bus after 11 recessive bits. */
 void wire_connect(struct wire *wire, size_t node, bool connected);
 
 /* ---- statistics ---- */
@@ -182,14 +183,14 @@ struct wire_stats {
     uint64_t dropped[WIRE_DROPS];
     int64_t time_ns, busy_ns;              /* busy: frames, error frames and intermissions */
     double load_mean, load_now, load_peak; /* 0 to 1; now = the last complete window */
-    size_t queued, queued_peak;            /* frames in all queues */
+    size_t queued, queued_peak;            /* present and greatest number of frames in all queues */
     /* longest time from wire_transmit to reception, and the identifier of its frame */
     int64_t latency_max_ns;
     uint32_t latency_max_id;
 };
 
 void wire_stats(const struct wire *wire, struct wire_stats *stats);
-uint64_t wire_dropped(const struct wire *wire); /* sum of all causes */
+uint64_t wire_dropped(const struct wire *wire); /* all causes */
 void wire_node_stats(const struct wire *wire, size_t node, struct wire_node_stats *stats);
 
 /* Checks whether some node has an error counter above 0 or is in bus-off. RT-safe. */
