@@ -870,9 +870,9 @@ static enum hil_client_code tables_open(struct hil_client *client, const char *f
 
 /* ---- sending and receiving frames ---- */
 
-/* Handles a DONE. It answers the present STEP if its tick is the expected end of the STEP, or if it
- * refuses the STEP because the run is at a different tick. Ignores the DONE of earlier STEPs and of
- * other clients. */
+/* Handles a DONE. It answers the present STEP in three cases: its tick is the expected end of the
+ * STEP, the run is stopping, or it refuses the STEP because the run is at a different tick. Ignores
+ * the DONE of earlier STEPs and of other clients. */
 static void bus_take_done(struct hil_client *client, struct bus *bus, const uint8_t *data)
 {
     struct hil_client_core *core = client->core;
@@ -1431,7 +1431,7 @@ static void joint_resolve(const struct hil_client_core *core, struct joint *join
         }
     }
 
-    /* foc: the target of a voltage has the scale of "pwm" in STATUS */
+    /* foc: a voltage target uses the scale of the signal "pwm" in STATUS */
     for (size_t i = 0; bus->protocol == FOC && status && i < status->count; i++) {
         const struct signal *signal = &core->signal[status->first + i];
 
