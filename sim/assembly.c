@@ -104,8 +104,9 @@ static enum error_code simulator_load_stimulus(struct simulator *simulator, stru
     if (!code && !config->ticks) {
         const struct stimulus *stimulus = &simulator->stimulus;
         const int64_t ticks = (stimulus->end_ns + tick_ns - 1) / tick_ns;
-        /* The first tick that begins at or after the last frame to play receives it. A recording
-         * of the simulator ends with its last tick, and the STEPs of lockstep count the ticks */
+        /* The last frame is received in the first tick that begins at or after its time. A
+         * recording of the simulator itself ends with its last tick. In lockstep, the STEP frames
+         * count the ticks */
         const int64_t played = (stimulus->last_ns + tick_ns - 1) / tick_ns + 1;
         const bool own = stimulus->start_ns == 0 && stimulus->last_ns < stimulus->end_ns &&
                          stimulus->end_ns % tick_ns == 0;
@@ -118,8 +119,8 @@ static enum error_code simulator_load_stimulus(struct simulator *simulator, stru
     return code;
 }
 
-/* Inserts the recorded frames before the frames that the boards receive, behind the fault ports,
- * because the faults have already acted on these frames. */
+/* Wraps the ports in replay ports, outside the fault ports: the faults have already acted on the
+ * recorded frames. */
 static enum error_code simulator_play_stimulus(struct simulator *simulator, struct error *error)
 {
     enum error_code code = ERROR_NONE;
@@ -286,7 +287,7 @@ static void simulator_restart_counter(void *context, int joint)
     sensing_restart_counter(simulator->sensing, (size_t)joint);
 }
 
-/* Creates the boards with their first measured values, the limits of what they send in a tick, the
+/* Creates the boards with their first measured values, their limits of frames per tick, and the
  * listener to external boards. */
 static enum error_code simulator_create_boards(struct simulator *simulator, struct error *error)
 {
@@ -369,7 +370,7 @@ static enum error_code simulator_create_requests(struct simulator *simulator, st
          simulator->moves_to - simulator->moves_from},
         {&simulator->release, sizeof simulator->release},
     };
-    /* except memory that other threads read or write meanwhile */
+    /* Holes: memory that other threads read or write meanwhile */
     const struct ring *events = watch_event_ring(simulator->watch);
     const struct span hole[] = {
         {(void *)(uintptr_t)events, sizeof *events},
@@ -479,7 +480,7 @@ enum error_code simulator_assemble(struct simulator *simulator, char notice[256]
         simulator_create_requests,
         simulator_create_signals,
         simulator_create_view,
-        /* The recorder comes late, because it leaves files behind if a later part fails */
+        /* Create the recorder late: it would leave files behind if a later part failed */
         simulator_create_recorder,
         simulator_create_loop,
         simulator_create_gateway,

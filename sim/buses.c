@@ -15,9 +15,9 @@
 #include <unistd.h>
 
 enum {
-    /* Capacity for frames that wait for one participant. The first is for a thread that may be
-     * late. The second is for a reader in the simulator's thread, which reads in the same tick;
-     * its small inbox stays in the processor's cache */
+    /* Capacities of the inbox of a participant, in frames. The first is for a thread that may be
+     * late. The second is for a reader in the simulator's thread that reads in the same tick; it is
+     * small to stay in the processor's cache */
     LOCAL_INBOX = 4096,
     LOCAL_INBOX_INLINE = 1024,
     INTERFACE_MAX = 15,          /* IFNAMSIZ minus the terminating zero */
@@ -69,7 +69,8 @@ static enum error_code bus_apply_override(struct buses *buses, const char *item,
     return ERROR_NONE;
 }
 
-/* Checks that each bus has its own interface: two on one would mix their boards' addresses. */
+/* Checks that each bus has its own interface. Two buses on one interface would mix their boards'
+ * addresses. */
 static enum error_code buses_check_distinct(const struct buses *buses, struct error *error)
 {
     for (size_t b = 0; b < buses->rig->nbus; b++) {
@@ -142,7 +143,7 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
                          rig->nbus, RIG_BUSES_MAX);
     }
 
-    /* Each bus on its own interface: the rig's, or that of --bus */
+    /* Assigns an interface to each bus: from the rig, or from --bus */
     buses->rig = rig;
     for (size_t b = 0; b < rig->nbus; b++) {
         buses->interface[b] = rig->bus[b].interface;

@@ -30,17 +30,17 @@ struct buses {
     /* interface of each bus, from the rig or the command line */
     const char *interface[RIG_BUSES_MAX];
     bool local;
-    /* frames take time on a wire that buses_advance moves */
+    /* buses have timing: frames take time on a wire, and buses_advance moves them */
     bool timed;
-    struct local_bus *bus[RIG_BUSES_MAX]; /* of each local bus */
-    /* of each SocketCAN bus with pacing: the simulator's port */
+    struct local_bus *bus[RIG_BUSES_MAX]; /* local buses */
+    /* the simulator's port on each SocketCAN bus with pacing */
     struct can_port *paced[RIG_BUSES_MAX];
-    struct wire *wire[RIG_BUSES_MAX];          /* of each timed bus */
+    struct wire *wire[RIG_BUSES_MAX];          /* wires of timed buses */
     struct can_state_box state[RIG_BUSES_MAX]; /* states of CAN controllers (sim/interfaces.h) */
     /* the simulator's SocketCAN ports, for buses_seek */
     struct can_port *sought[RIG_BUSES_MAX];
     int64_t seek_ns;          /* earliest time of the next search */
-    int claim[RIG_BUSES_MAX]; /* descriptors of buses_claim */
+    int claim[RIG_BUSES_MAX]; /* sockets that claim interfaces (buses_claim) */
     size_t nclaim;
 };
 
@@ -53,10 +53,10 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
                            bool apart, struct arena *arena, struct buses *buses, char notice[256],
                            struct error *error);
 
-/* Claims the interfaces of SocketCAN buses for the boards of this process, until buses_close.
- * notice receives the other simulators of this network namespace that have claimed one of them
- * (else ""). Two simulators with the same boards answer each frame twice; two with boards of one
- * bus each may be intended. */
+/* Claims the interfaces of SocketCAN buses for the boards of this process, until buses_close. If
+ * other simulators of this network namespace have claimed one of these interfaces, notice receives
+ * their list, else "". Two simulators with the same boards answer each frame twice. Two simulators
+ * with different boards of one bus may be intended. */
 void buses_claim(struct buses *buses, char notice[256]);
 
 /* Joins each bus as the simulator, for all boards of the bus. On a timed bus each board has its
@@ -68,11 +68,11 @@ enum error_code buses_join_boards(struct buses *buses, struct arena *arena, stru
 enum error_code buses_join(struct buses *buses, struct arena *arena, struct bus_ports *ports,
                            struct error *error);
 
-/* Moves timed buses to a virtual time; from the simulator's thread, RT-safe. */
+/* Advances timed buses to a virtual time. Call it from the simulator's thread. RT-safe. */
 void buses_advance(const struct buses *buses, int64_t now_ns);
 
-/* Sets a function that is called in the simulator's thread with each frame that the wire of a
- * timed bus has carried. Set it before the first frame. */
+/* Sets a callback that receives each frame after the wire of a timed bus has carried it. The
+ * callback runs in the simulator's thread. Set it before the first frame. */
 void buses_tap(const struct buses *buses, size_t bus,
                void (*tap)(void *context, const struct bus_frame *frame), void *context);
 
@@ -82,7 +82,7 @@ void buses_seek(struct buses *buses, int64_t now_ns);
 
 void bus_ports_close(struct bus_ports *ports);
 
-/* Closes the buses, after all ports are closed. */
+/* Closes the buses. Close all ports first. */
 void buses_close(struct buses *buses);
 
 #endif

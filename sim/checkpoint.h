@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Copies of memory that are put back where they came from: pointers into it and out of it stay
- * valid. Holes in it, which other threads write, are left alone; on the way back only the words
- * that differ are written, so that another thread may read what never changes.
+ * Checkpoints: copies of memory spans. A restore writes the copy back to the same addresses, so
+ * pointers into and out of the spans stay valid. A hole is a part of a span that other threads
+ * write; it is neither saved nor restored. A restore writes only words that differ, so other
+ * threads may read memory that never changes.
  */
 #ifndef SIM_CHECKPOINT_H
 #define SIM_CHECKPOINT_H
@@ -19,15 +20,15 @@ struct span {
 
 struct checkpoint;
 
-/* Reserves memory for so many copies of what is in `moving` and in no hole; holes may lie anywhere
- * but must not overlap each other. The arrays are borrowed for the call. Memory from arena.
+/* Reserves memory for `copies` copies of the spans `moving` without the holes. Holes may have any
+ * address but must not overlap each other. The arrays are borrowed for the call. Memory from arena.
  * ERROR_MEMORY. Not RT-safe. */
 enum error_code checkpoint_create(const struct span *moving, size_t nmoving,
                                   const struct span *hole, size_t nhole, size_t copies,
                                   struct arena *arena, struct checkpoint **checkpoint,
                                   struct error *error);
 
-/* Save to a copy, and restore from one that was saved. RT-safe. */
+/* Save the spans to a copy, and restore them from a saved copy. RT-safe. */
 void checkpoint_save(struct checkpoint *checkpoint, size_t copy);
 void checkpoint_restore(const struct checkpoint *checkpoint, size_t copy);
 

@@ -15,9 +15,9 @@
 #define LEAST_M 0.004
 #define LONGEST_M 0.9
 
-/* Limits within which a wrench counts as one from the ground: largest height of the body's origin
- * above it (m), largest distance of the center of pressure from the origin (m), and smallest part
- * of the force along the normal. */
+/* A wrench counts as a ground contact within these limits: largest height of the body's origin
+ * above the ground (m), largest distance of the center of pressure from the origin (m), and
+ * smallest part of the force along the normal. */
 #define NEAR_GROUND_M 0.3
 #define FARTHEST_M 0.6
 #define PRESSING 0.2
@@ -29,8 +29,9 @@
 
 /* ---- points of action ---- */
 
-/* Finds the point of the plane about which the wrench has no moment along the plane; false when the
- * body is not at the ground, or does not press on it. */
+/* Finds the center of pressure on the ground: the point of the plane about which the wrench has no
+ * moment parallel to the plane. Returns false if the body is not near the ground or does not press
+ * on it. */
 static bool wrench_meets_ground(const struct contact_arrows *arrows, const double origin[3],
                                 const double wrench[6], double at[3])
 {
@@ -47,8 +48,8 @@ static bool wrench_meets_ground(const struct contact_arrows *arrows, const doubl
         return false;
     }
 
-    /* Finds the point of the plane about which the wrench has no moment parallel to the plane.
-     * Returns false if the body is not near the ground or does not press on it. */
+    /* Shifts the wrench to the foot of the body's origin on the plane, then cancels its moment
+     * parallel to the plane */
     memcpy(at, origin, 3 * sizeof *at);
     vec3_add_scaled(at, -height, normal, at);
     vec3_sub(origin, at, above);
@@ -79,15 +80,14 @@ size_t contact_arrows_find(const struct contact_arrows *arrows, const double *va
             next->along[k] = wrench[k] / force;
         }
         if (!wrench_meets_ground(arrows, origin, wrench, next->at)) {
-            /* Finds the point of the wrench's axis nearest to the body's origin: r = f x m / (f .
-             * f). */
+            /* Finds the point of the axis nearest to the body's origin: r = f x m / (f . f) */
             double arm[3];
 
             vec3_cross(wrench, wrench + 3, arm);
             vec3_add_scaled(origin, 1.0 / vec3_dot(wrench, wrench), arm, next->at);
         }
 
-        /* A nearly pure moment has an axis far away: its arrow is shown at the body's origin */
+        /* A nearly pure moment has a distant axis, so its arrow starts at the body's origin */
         vec3_sub(next->at, origin, far);
         if (!(vec3_norm(far) < FARTHEST_M)) {
             memcpy(next->at, origin, sizeof next->at);
@@ -99,8 +99,8 @@ size_t contact_arrows_find(const struct contact_arrows *arrows, const double *va
 
 /* ---- primitives ---- */
 
-/* Computes the quaternion (wxyz) that rotates the x axis to the unit vector `along`; half a turn
- * about z for the opposite direction. */
+/* Computes the quaternion (wxyz) that rotates the x axis to the unit vector `along`. For the
+ * opposite direction, it is half a turn about z. */
 static void quaternion_of_arrow(const double along[3], double q[4])
 {
     double length = sqrt(2.0 * (1.0 + along[0]));

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Contact wrenches as a channel of a recording. Each row has a foxglove.SceneUpdate with an arrow
- * along each force, starting at its center of pressure, and a ball there. On the ground, the center
- * of pressure is the point of the plane about which the wrench has no moment parallel to the plane
- * (Sardain and Bessonnet 2004, "Forces acting on a biped robot"). Elsewhere it is the point of the
- * wrench's axis nearest to the body's origin. World frame, SI units. RT-safe.
+ * Shows contact wrenches as a channel of a recording. Each row has a foxglove.SceneUpdate. For each
+ * force it has an arrow that starts at the center of pressure, and a ball at that point. On the
+ * ground, the center of pressure is the point of the plane about which the wrench has no moment
+ * parallel to the plane (Sardain and Bessonnet 2004, "Forces acting on a biped robot"). Elsewhere
+ * it is the point of the wrench's axis nearest to the body's origin. World frame, SI units.
+ * RT-safe.
  */
 #ifndef SIM_CONTACT_ARROWS_H
 #define SIM_CONTACT_ARROWS_H
@@ -18,8 +19,8 @@ enum {
 
 /* A body whose contact is shown. */
 struct contact_shown {
-    /* column of its wrench's first component (force, then moment about the body's origin); the
-     * other five follow */
+    /* column of the wrench's first component (force, then moment about the body's origin); the
+     * other five components follow */
     size_t signal;
     size_t body; /* body whose pose is used */
 };
@@ -28,7 +29,7 @@ struct contact_arrows {
     size_t ncontact;
     const struct contact_shown *contact;
     bool has_ground;
-    double ground_point[3], ground_normal[3]; /* a plane; the normal has unit length */
+    double ground_point[3], ground_normal[3]; /* a point of the ground plane, and its unit normal */
     double arrow_m_per_n;
     size_t touching; /* number of arrows in the last message */
 };
@@ -39,12 +40,13 @@ struct contact_arrow {
     double length_m;
 };
 
-/* Finds the contacts of a row with a force, in order. value and pose are as in recorder_row.
- * Returns their number. */
+/* Finds the contacts that have a force in a row, in the order of the list. value and pose are as in
+ * recorder_row. Returns their number. */
 size_t contact_arrows_find(const struct contact_arrows *arrows, const double *value,
                            const double *pose, struct contact_arrow arrow[CONTACT_ARROWS]);
 
-/* Write JSON lists without brackets; return the address after the last byte. */
+/* Write arrows and centers of pressure as JSON lists without brackets. Return the address after the
+ * last byte. */
 char *contact_arrows_print(const struct contact_arrow *arrow, size_t count, char *at);
 char *contact_arrows_print_pressures(const struct contact_arrow *arrow, size_t count, char *at);
 

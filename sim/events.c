@@ -5,8 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* The upper 32 bits of an event's key; the lower 32 bits are the topic within the source. Events
- * with the same time are recorded in this order, for any order of collection. */
+/* Sources of events: the upper 32 bits of a key. The lower 32 bits are the topic within the source.
+ * Events with the same time are recorded in the order of this list. */
 enum event_source {
     EVENT_RELEASE,
     EVENT_LOOP,
@@ -16,7 +16,7 @@ enum event_source {
     EVENT_BOARD,
     EVENT_CLAMPED_TRIP,
     EVENT_RECORDER,
-    EVENT_CONTROL, /* of control/ */
+    EVENT_CONTROL, /* host events from control/ */
 };
 
 /* Makes the key of an event; the log limits repetitions by key. */
@@ -27,7 +27,7 @@ static uint64_t event_key(enum event_source source, uint64_t topic)
 
 enum journal_priority simulator_event_priority(uint64_t key)
 {
-    const uint64_t kind = (key & UINT32_MAX) >> 8; /* of an event of the loop */
+    const uint64_t kind = (key & UINT32_MAX) >> 8; /* kind of a loop event */
 
     switch (key >> 32) {
     case EVENT_LOOP:
@@ -36,7 +36,7 @@ enum journal_priority simulator_event_priority(uint64_t key)
                                            : JOURNAL_WARNING;
     case EVENT_BOARD:
 
-        /* Changes requested by a host are information */
+        /* Priority of changes that a host requested */
         switch ((enum board_event_kind)(key >> 16 & 0xffff)) {
         case BOARD_EVENT_MODE:
         case BOARD_EVENT_ADDRESS:
@@ -151,7 +151,7 @@ static bool simulator_take_event(struct simulator *simulator, uint64_t *key, int
         return true;
     }
     if (simulator_next_clamped_trip(simulator, time_ns, text,
-                                    size)) { /* after the boards, whose event names the axis */
+                                    size)) { /* after the boards: a board's event names the axis */
         *key = event_key(EVENT_CLAMPED_TRIP, 0);
         return true;
     }

@@ -13,16 +13,16 @@ struct external_axis {
     size_t board;               /* index in the rig's boards */
     size_t index;               /* index among the host's axes or sensors */
     bool sensor;                /* force/torque sensor: only monitored, no rotor follows it */
-    bool torque;                /* follows the torque, otherwise the angle */
-    int joint;                  /* of the robot */
+    bool torque;                /* true: the rotor follows the torque; false: the angle */
+    int joint;                  /* index of the robot's joint */
     double lower, upper, speed; /* limits of the rotor, rad, rad/s */
     double stall_nm;
     const struct robot_sea *sea;
-    double settled;     /* part of a step that spring and damping settle in a tick */
-    bool aimed;         /* a target has arrived */
+    double settled;     /* part of a step response that the spring reaches in one tick */
+    bool aimed;         /* a target has been received */
     double target;      /* rad, or N m */
-    int64_t told_ns;    /* time at which the target arrived */
-    int64_t between_ns; /* time since the previous target; at least a tick, at most the timeout */
+    int64_t told_ns;    /* time of the last target */
+    int64_t between_ns; /* between the last two targets; from a tick to the timeout */
     int64_t heard_ns;   /* -1 = never */
     int64_t timeout_ns;
 };
@@ -156,8 +156,8 @@ static void external_aim(const struct external *external, struct external_axis *
                                 : fmin(fmax(target, axis->lower), axis->upper);
 }
 
-/* Checks whether the present frame has a new target of an axis or a new value of the sensor, and
- * stores it. */
+/* Checks whether the frame just read has a new target of an axis, or a new value of a sensor.
+ * Stores a new target. */
 static bool external_take_news(const struct external *external, struct external_axis *axis,
                                int64_t now_ns)
 {
@@ -179,7 +179,7 @@ static bool external_take_news(const struct external *external, struct external_
         return true;
     }
 
-    /* The motor's angle, or the link's if the frames tell only that */
+    /* Use the motor's angle, or the link's if the frames have no motor angle */
     motor = joint->motor_time_ns >= 0 &&
             joint->joint_time_ns - joint->motor_time_ns <= axis->timeout_ns;
     if ((motor ? joint->motor_time_ns : joint->joint_time_ns) != now_ns) {

@@ -11,7 +11,7 @@
 /* A fault that a wire executes. */
 struct wire_injection {
     struct wire *wire; /* NULL: not a fault of a wire */
-    int armed;         /* its index at the wire while active; -1 = inactive */
+    int armed;         /* index of the fault in the wire; -1 = inactive */
     bool was_active;
 };
 
@@ -54,8 +54,7 @@ static struct fault_port_rule fault_port_rule_of(const struct fault *fault)
     };
 }
 
-/* Inserts a fault port before a bus's port, if any fault of the bus is executed by rules of a
- * port. */
+/* Wraps a bus's port in a fault port, if a fault of the bus needs port rules. */
 static enum error_code injection_create_port(struct fault_injection *injection, size_t bus,
                                              struct arena *arena, struct can_port **port,
                                              struct error *error)
@@ -150,8 +149,8 @@ static unsigned fault_drive_condition(enum fault_kind kind)
     }
 }
 
-/* Adds the effect of a fault on a valve or cylinder. The flow of a leak is given at the supply's
- * pressure (Pa). */
+/* Adds the effect of a fault on a valve or cylinder. pressure: supply pressure at which a leak's
+ * flow is given, Pa. */
 static void break_valve(const struct fault *fault, double pressure, struct motor_command *motor)
 {
     switch (fault->kind) {
@@ -170,8 +169,8 @@ static void break_valve(const struct fault *fault, double pressure, struct motor
     }
 }
 
-/* Adds the effect of a fault on the hydraulic supply. The flow of a leak is given at the supply's
- * pressure (Pa). */
+/* Adds the effect of a fault on the hydraulic supply. pressure: supply pressure at which a leak's
+ * flow is given, Pa. */
 static void break_hydraulic_supply(const struct fault *fault, double pressure,
                                    struct hydraulic_supply_condition *oil)
 {

@@ -21,15 +21,15 @@ struct fault_injection_config {
 
 struct fault_injection;
 
-/* Creates the injection. In *ports, the port of each bus with faults is replaced by a fault port
- * in front of it. Memory from arena; the rest is borrowed. ERROR_MEMORY, ERROR_UNSUPPORTED. Not
+/* Creates the injection. In *ports, replaces the port of each bus with faults by a fault port that
+ * wraps it. Memory from arena; the rest is borrowed. ERROR_MEMORY, ERROR_UNSUPPORTED. Not
  * RT-safe. */
 enum error_code fault_injection_create(const struct fault_injection_config *config,
                                        struct arena *arena, struct bus_ports *ports,
                                        struct fault_injection **injection, struct error *error);
 
-/* Begins and ends faults according to their windows, at the start of the tick at now_ns. Another
- * call with the same time applies only faults switched since the first one. RT-safe. */
+/* Starts and ends faults by their time windows, at the start of the tick at now_ns. A second call
+ * with the same time applies only the faults that were switched after the first call. RT-safe. */
 void fault_injection_step(struct fault_injection *injection, int64_t now_ns);
 
 /* Updates counters and states of the ports after a checkpoint is restored. RT-safe. */

@@ -174,7 +174,7 @@ static void watch_poll(struct interface_watch *watch, const struct interface_ops
     struct link_info info;
     struct error error;
 
-    /* The port reports the absence of its interface */
+    /* Returns early without an interface; its port reports the absence */
     if (ops->query(ops->context, watch->name, &info, &error) ||
         interface_kind(&info) != INTERFACE_CONTROLLER) {
         return;

@@ -32,14 +32,14 @@ struct interface_watch {
     const char *name;
     const struct rig_bus *bus;
     struct can_state_box *box;
-    bool seen; /* it has existed; info.index belongs to the last instance */
+    bool seen; /* the interface has existed; info.index is its last index */
     struct link_info info;
-    bool off;                                /* was in bus-off when last polled */
-    bool mismatch;                           /* it has another bit rate, already reported */
+    bool off;                                /* was in bus-off at the last poll */
+    bool mismatch;                           /* a wrong bit rate has been reported */
     int64_t restart_ns[INTERFACES_RESTARTS]; /* times of the last restarts, a ring */
     /* restarts by the simulator; info counts the kernel's */
     uint64_t restarts;
-    bool limited;                      /* the restart limit is reached, already reported */
+    bool limited;                      /* the restart limit has been reported */
     char event[INTERFACES_EVENT_TEXT]; /* pending event; "" = none */
 };
 
@@ -56,7 +56,7 @@ struct interfaces {
 enum error_code interfaces_prepare(const struct rig *rig, const char *const *interface,
                                    const struct interface_ops *ops, struct error *error);
 
-/* Begins to watch; box has one element per bus. All arguments are borrowed. */
+/* Initializes the watch; box has one element per bus. All arguments are borrowed. */
 void interfaces_init(struct interfaces *interfaces, const struct rig *rig,
                      const char *const *interface, struct can_state_box *box,
                      const struct interface_ops *ops);
@@ -64,8 +64,8 @@ void interfaces_init(struct interfaces *interfaces, const struct rig *rig,
 /* Polls the interfaces if a second has passed since the last poll. */
 void interfaces_watch(struct interfaces *interfaces, int64_t now_ns);
 
-/* Returns the next event as a line for the log; returns false if there is none. At most one per
- * interface and poll. */
+/* Writes the next event as a line for the log. Returns false if there is none. A poll makes at most
+ * one event per interface. */
 bool interfaces_next_event(struct interfaces *interfaces, size_t *bus, char *text, size_t size);
 
 /* Polls the CAN controller of a bus and describes its state, settings and counters. Returns false

@@ -5,8 +5,8 @@
 
 #include <stdio.h>
 
-/* A settled robot's rotors are held by brakes. These open this long after the last motor is on, so
- * that a controller's first voltages can raise the currents. */
+/* Brakes hold the rotors of a settled robot. They open this long after the last motor is on, so
+ * that the controller's first voltages can build up the currents. */
 #define BRAKE_NS INT64_C(20000000)
 
 /* Opens and closes the windows of faults. It runs before the wait, because in lockstep the loop
@@ -20,7 +20,7 @@ static void machine_begin(void *context, int64_t now_ns)
 }
 
 /* Calls the observer with the last tick, then steps an inline task. Returns false if the task has
- * finished; with an observer, a free run continues anyway. */
+ * finished. With an observer, a free run continues after the task's end. */
 static bool machine_controller(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
@@ -92,7 +92,7 @@ static void machine_control(void *context, int64_t now_ns)
         external_control(simulator->external, now_ns);
     }
 
-    /* Records for the log that an axis has tripped because its link is clamped */
+    /* Records for the log that an axis tripped because its link is clamped */
     struct release *release = &simulator->release;
     struct boards_counters counters;
     size_t on;
@@ -117,8 +117,8 @@ static void machine_control(void *context, int64_t now_ns)
     }
 }
 
-/* Stores the reason if the model has failed, and whether its energy came from nowhere; returns
- * whether it is valid. */
+/* Stores the cause if the model failed, and checks for energy from nowhere. Returns whether the
+ * model is valid. */
 static bool simulator_check_plant(struct simulator *simulator, enum error_code code, int64_t now_ns)
 {
     if (code) {
@@ -202,7 +202,8 @@ static size_t machine_answer(void *context, int64_t now_ns, size_t bus, struct b
     return boards_answer(simulator->boards, now_ns, bus, frames, max);
 }
 
-/* Checks whether programs may send: always on SocketCAN, on local buses through the gateway. */
+/* Checks whether other programs can send frames: always on SocketCAN; on local buses only through
+ * the gateway. */
 static bool machine_listens(void *context)
 {
     const struct simulator *simulator = context;

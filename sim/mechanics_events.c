@@ -14,21 +14,21 @@
 enum { EVENT_SLOTS = 256 };
 
 #define TILTED 0.5 /* cosine of 60 degrees */
-/* part of the height at the start below which the base has sunk */
+/* fraction of the height at the start; below it the base has sunk */
 #define SUNK 0.5
-/* part of the deflection at the stop below which the spring is off the stop */
+/* fraction of the stop's deflection; below it the spring is off the stop */
 #define SPRING_BACK 0.9
 
-/* Smallest depth, in addition to the layers, that means an error, m. */
+/* Penetration beyond the layers' thickness that counts as an error, m. */
 #define WATCH_DEEP_M 0.02
 
 /* The watch's state of a joint: whether it is past a limit, and whether its series spring is at
  * its stop. */
 struct watch_joint {
     bool past, told;
-    /* time at which it passed the limit, and last time near the limit */
+    /* time of passing the limit, and last time near the limit */
     int64_t since_ns, near_ns;
-    double depth, limit; /* largest depth since then, and the limit, rad or m */
+    double depth, limit; /* largest depth since then, and the limit passed, rad or m */
     bool spring;
     int64_t spring_near_ns;
 };
@@ -44,7 +44,7 @@ struct watch {
     /* Falls */
     bool falls;     /* the robot has a floating base, and there is gravity */
     bool *limb_end; /* by body */
-    bool *stands;   /* by body: the robot stood on it at the start */
+    bool *stands;   /* by body: it supported the robot at the start */
     bool fallen;
     /* time of the last clamp or start; last time with a fall criterion true */
     int64_t released_ns, calm_ns;
@@ -52,7 +52,8 @@ struct watch {
     /* height of the base above the lowest observed body at that time, m */
     double height;
 
-    /* Energy and depth: time of the next check, last time of a finding; -1 = none */
+    /* Energy and depth: times of the next check (energy_ns, depth_ns) and of the last finding
+     * (created_ns, deep_ns; -1 = none) */
     int64_t energy_ns, created_ns, depth_ns, deep_ns;
     _Atomic bool found_energy;
 
@@ -74,7 +75,7 @@ static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j, dou
         return;
     }
 
-    /* Detects passing the limit, and a return for long enough */
+    /* Detects the start of an event, and its end after long enough within the range */
     if (!seen->past && depth > WATCH_PAST) {
         seen->past = true;
         seen->since_ns = now_ns;
@@ -105,7 +106,7 @@ static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j, dou
     }
 }
 
-/* Tracks a joint's series spring to its stop, and emits one event per occurrence. */
+/* Detects a joint's series spring at its stop, and emits one event per occurrence. */
 static void watch_spring(struct watch *watch, int64_t now_ns, size_t j,
                          const struct motor_sense *motor)
 {
@@ -175,8 +176,8 @@ static int robot_body_of_surface(const struct watch *watch, int surface)
     return body < (int)watch->rig->robot->nbody ? body : -1;
 }
 
-/* Finds a body of the robot that touches the world and is neither the end of a limb nor a body
- * that it stood on. During the first phase (standing), marks such bodies as stood on instead. */
+/* Finds a body of the robot that touches the world and is neither the end of a limb nor a support.
+ * In the first phase (standing), marks such bodies as supports instead. */
 static bool find_touching_body(struct watch *watch, bool standing, struct watch_event *event)
 {
     const struct contact_config *contact = &watch->rig->contact;
@@ -204,7 +205,8 @@ static bool find_touching_body(struct watch *watch, bool standing, struct watch_
     return false;
 }
 
-/* Checks the same, but computes the patches only if a relevant body has contact. */
+/* Calls find_touching_body, but only if the wrench of a relevant body is nonzero: finding the
+ * patches costs time. */
 static bool robot_touches_world(struct watch *watch, bool standing, struct watch_event *event)
 {
     const struct rig *rig = watch->rig;
@@ -233,8 +235,8 @@ static void remember_standing(struct watch *watch, const double *base, int64_t n
     memset(watch->stands, 0, watch->rig->robot->nbody * sizeof *watch->stands);
 }
 
-/* Detects a fall by contact, tilt or height. Emits one event until the robot was up for
- * WATCH_CALM_NS. */
+/* Detects a fall by contact, tilt or height. Emits one event per fall. A fall ends when no
+ * criterion was true for WATCH_CALM_NS. */
 static void watch_fall(struct watch *watch, int64_t now_ns)
 {
     bool standing = now_ns - watch->released_ns < WATCH_STANDS_NS;
@@ -303,7 +305,8 @@ static double depth_below(const struct watch *watch, const struct contact_surfac
         &plant_motion(watch->plant)[watch->rig->contact_body[surface->body]];
     double normal[3], up[3], n[3], center[3], reach = surface->radius_m;
 
-    /* The plane's normal in the axes of body and surface, and the surface's place */
+    /* Computes the plane's normal in the axes of body and surface, and the surface's position
+     * relative to the plane */
     for (int k = 0; k < 3; k++) {
         normal[k] = plane->rotation[3 * k + 2];
     }
@@ -327,8 +330,8 @@ static double depth_below(const struct watch *watch, const struct contact_surfac
     return reach - vec3_dot(center, normal);
 }
 
-/* Returns the depth that the layers of two surfaces can mean, m: both thicknesses, and the larger
- * of WATCH_DEEP_M and a quarter of a radius or half extent. */
+/* Returns the largest valid penetration of two surfaces, m: the thickness of both layers, plus the
+ * larger of WATCH_DEEP_M and a quarter of a radius or half extent. */
 static double watch_limit(const struct contact_surface *a, const struct contact_surface *b)
 {
     const struct contact_surface *const side[2] = {a, b};
@@ -344,7 +347,8 @@ static double watch_limit(const struct contact_surface *a, const struct contact_
     return layers + fmax(WATCH_DEEP_M, 0.25 * size);
 }
 
-/* Keeps a depth of a pair in event if it is beyond its limit by more than *worst. */
+/* Stores the depth of a pair in event, and its excess over the limit in *worst, if the excess is
+ * larger than *worst. */
 static void note_depth(const struct watch *watch, const struct contact_pair *pair, double depth,
                        double *worst, struct watch_event *event)
 {
@@ -361,9 +365,9 @@ static void note_depth(const struct watch *watch, const struct contact_pair *pai
     }
 }
 
-/* Finds the pair that is deepest beyond its limit, by the depths of the engine; planes: also by the
- * depths of surfaces below half-spaces, which an engine may not report. Returns false if there is
- * none. */
+/* Finds the pair with the largest excess over its limit, from the engine's patches. planes: also
+ * checks surfaces below half-spaces, which an engine may not report. Returns false if no pair
+ * exceeds its limit. */
 static bool find_deepest(const struct watch *watch, bool planes, struct watch_event *event)
 {
     const struct contact_config *contact = &watch->rig->contact;
@@ -388,7 +392,8 @@ static bool find_deepest(const struct watch *watch, bool planes, struct watch_ev
     return worst > 0.0;
 }
 
-/* Emits one event while some pair is too deep, until none was for WATCH_CALM_NS. */
+/* Emits one event when a pair is too deep, and the next only after no pair was for
+ * WATCH_CALM_NS. */
 static void watch_depth(struct watch *watch, int64_t now_ns)
 {
     struct watch_event event = {.time_ns = now_ns, .kind = WATCH_DEEP};
@@ -402,8 +407,7 @@ static void watch_depth(struct watch *watch, int64_t now_ns)
     }
 }
 
-/* Refuses a surface that starts deeper in a surface of the world than layers and backing can mean.
- */
+/* Refuses a surface that starts too deep in a surface of the world (watch_limit). */
 static enum error_code check_start(const struct watch *watch, struct error *error)
 {
     const struct rig *rig = watch->rig;
@@ -482,7 +486,7 @@ enum error_code watch_create(const struct rig *rig, struct plant *plant, struct 
         return error_set(error, ERROR_MEMORY, "no memory left for the log of the robot");
     }
 
-    /* An engine may split a pair's patch into two */
+    /* Allocates two patches per pair, because an engine may split a patch */
     watch->rig = rig;
     watch->plant = plant;
     watch->npatch = 2 * rig->contact.npair;

@@ -4,20 +4,19 @@
  *
  *   a joint past one of its limits, with the largest depth within WATCH_RISE_NS. It is reported
  *     again after the joint was within its range by WATCH_BACK for WATCH_QUIET_NS;
- *   a series spring at its stop. It is reported again after the spring was off the stop by a tenth
- *     of its room for the same time;
+ *   a series spring at its stop. It is reported again after the deflection was below 90 % of the
+ *     stop's deflection for the same time;
  *   a fall of a floating, unclamped robot. Criteria: the base is tilted by more than 60 degrees;
  *     its height above the lowest observed body (robot_body.observed) is less than half of the
- *     height at the start; or a body touches a surface of the world, where the body is not the end
- *     of a limb (the last body of its chain) and the robot did not stand on it in its first
- *     WATCH_STANDS_NS. Tilt and height are relative to gravity and to the posture at the last
- *     clamp, or at the start. A fall is reported again after no criterion was true for
- *     WATCH_CALM_NS;
+ *     height at the start; or a body touches a surface of the world. The last body of a chain may
+ *     touch it, and so may bodies that supported the robot in its first WATCH_STANDS_NS. Tilt and
+ *     height are relative to gravity and to the posture at the last clamp, or at the start. A fall
+ *     is reported again after no criterion was true for WATCH_CALM_NS;
  *   energy from nowhere (plant_check_energy), checked each WATCH_ENERGY_NS. It is reported again
- *     after none appeared for WATCH_CALM_NS;
- *   a surface deeper in another one than layers and backing can mean: than the layers' thickness
- *     and 2 cm, or a quarter of a radius. It is checked each WATCH_DEPTH_NS, and reported again
- *     after all were less deep for WATCH_CALM_NS.
+ *     after no energy appeared for WATCH_CALM_NS;
+ *   a surface too deep in another surface. The largest valid depth is the thickness of both layers
+ *     plus 2 cm, or plus a quarter of a radius if that is more. It is checked each WATCH_DEPTH_NS,
+ *     and reported again after no surface was too deep for WATCH_CALM_NS.
  *
  * It only reads the plant. SI units, virtual times in ns. One thread creates and steps the watch;
  * another reads the events.
@@ -45,13 +44,13 @@
 #define WATCH_DEPTH_NS INT64_C(10000000)
 
 enum watch_kind {
-    WATCH_JOINT,  /* index: joint; value: largest depth; limit: which one */
+    WATCH_JOINT,  /* index: joint; value: largest depth; limit: the limit passed */
     WATCH_SPRING, /* index: joint; value: deflection at which the stop begins */
     WATCH_TILT,   /* value: tilt, rad */
     WATCH_SINK,   /* value: present height, m; limit: height at the start */
     WATCH_TOUCH,  /* index: body; surface: surface of the world */
-    WATCH_ENERGY, /* value: energy from nowhere, J; limit: turnover, J; index: 1 = of contacts */
-    WATCH_DEEP,   /* index, surface: both surfaces; value: depth, m; limit: most, m */
+    WATCH_ENERGY, /* value: energy, J; limit: turnover, J; index: 1 = of contact */
+    WATCH_DEEP, /* index, surface: the two surfaces; value: depth, limit: largest valid depth, m */
 };
 
 struct watch_event {
@@ -59,7 +58,7 @@ struct watch_event {
     enum watch_kind kind;
     size_t index, surface;
     double value, limit;
-    int64_t span_ns; /* of WATCH_ENERGY */
+    int64_t span_ns; /* WATCH_ENERGY only: time span of the check */
 };
 
 struct watch;
@@ -74,12 +73,12 @@ enum error_code watch_create(const struct rig *rig, struct plant *plant, struct 
 /* Checks the plant; call it after each of its samples, with the tick's time. RT-safe. */
 void watch_step(struct watch *watch, int64_t now_ns);
 
-/* Returns the ring of events. The reading thread writes it too, so a checkpoint must leave it
- * out. */
+/* Returns the ring of events. Checkpoints must exclude it, because the reading thread writes it
+ * too. */
 const struct ring *watch_event_ring(const struct watch *watch);
 
-/* Checks the energy now, as watch_step does each WATCH_ENERGY_NS: emits one event when energy
- * appears from nowhere, until none did for WATCH_CALM_NS. RT-safe. */
+/* Checks the energy now; watch_step does this each WATCH_ENERGY_NS. Emits one event when energy
+ * appears from nowhere, and the next only after none appeared for WATCH_CALM_NS. RT-safe. */
 void watch_check_energy(struct watch *watch, int64_t now_ns);
 
 /* Returns whether energy has appeared from nowhere in the run. Any thread. RT-safe. */

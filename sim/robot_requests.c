@@ -20,7 +20,7 @@ enum { NAME_SIZE = 160 };
 
 enum tunable_kind { TUNE_SETTING, TUNE_PRETENSION, TUNE_SUPPLY, TUNE_NOISE, TUNE_TASK };
 
-/* The parameter of a tunable. */
+/* The parameter that a tunable sets. */
 struct meaning {
     enum tunable_kind kind;
     size_t joint;              /* for TUNE_PRETENSION */
@@ -42,8 +42,8 @@ struct robot_requests {
         bool winding;     /* a winch is moving */
         bool pushing;     /* a push with a duration acts */
     } moving;
-    int64_t *push_until; /* by body; 0 = until changed */
-    double *pretension;  /* by joint: target of its winch */
+    int64_t *push_until; /* end of each body's push; 0 = until changed */
+    double *pretension;  /* target of each joint's winch, m */
 };
 
 /* ---- pushes ---- */
@@ -65,8 +65,8 @@ static bool push_is_bounded(const double vector[3])
     return true;
 }
 
-/* Pushes a body with force and moment (world frame), for a duration of at least a tick, or until
- * changed. */
+/* Pushes a body with force and moment (world frame). Without a duration, the push lasts until
+ * changed. The shortest duration is a tick. */
 static enum request_verdict robot_push_body(void *context, const struct loop_request *request,
                                             int64_t now_ns)
 {
@@ -139,8 +139,8 @@ static enum error_code robot_checkpoint_create(struct robot_requests *s, struct 
     hole_add_ring(hole, &nhole, boards_event_ring(config->boards));
     hole_add_ring(hole, &nhole, faults_event_ring(config->faults));
 
-    /* The plant's memory of the last contact evaluation is a hole, because it stays valid in any
-     * restored state */
+    /* The plant's memory of the last contact evaluation stays valid in any restored state, so it is
+     * a hole */
     hole[nhole].memory = plant_contact_memory(config->plant, &hole[nhole].size);
     nhole++;
     return checkpoint_create(moving, nmoving, hole, nhole, CHECKPOINT_SLOTS, arena, &s->checkpoint,
@@ -454,7 +454,7 @@ enum error_code robot_requests_create(const struct robot_requests_config *config
     struct robot_requests *s = arena_alloc(arena, 1, sizeof *s);
     enum error_code code;
 
-    /* The requests' own state */
+    /* Initializes the state of the executor */
     if (s) {
         s->config = *config;
         s->push_until = arena_alloc(arena, robot_body_count(s), sizeof *s->push_until);

@@ -4,12 +4,14 @@
  * plant, boards, sensors and buses. It implements the interface rt/request_machine.h, which
  * rt/loop_requests.c calls. SI units, world frame, virtual times in ns.
  *
- * Tunables, each only if its part exists:
- *   joint.NAME.SETTING       the gains and limits of the joint's board (boards/board.h)
- *   joint.NAME.pretension_m  of the parallel spring; its winch moves at ROBOT_REQUESTS_WINCH_M_S
- *   supply_v                 of the source, without load and sag
+ * Tunables (each exists only if the rig has its part):
+ *   joint.NAME.SETTING       a gain or limit of the joint's board (boards/board.h)
+ *   joint.NAME.pretension_m  pretension of the parallel spring; its winch moves at
+ *                            ROBOT_REQUESTS_WINCH_M_S
+ *   supply_v                 voltage of the source, without load and sag
  *   sensing.noise_scale      factor on all sensor noise
- *   TASK.SETTING             what a task in this process has (tasks/task.h), walk.forward_m_s
+ *   TASK.SETTING             a setting of a task in this process (tasks/task.h), for example
+ *                            walk.forward_m_s
  * Tunables are part of a checkpoint.
  */
 #ifndef SIM_ROBOT_REQUESTS_H
@@ -34,12 +36,12 @@ struct robot_requests_config {
     struct fault_injection *injection;
     struct buses *buses;
     struct task *task; /* NULL = no task in this process */
-    /* Other memory that changes in virtual time, and holes in it that other threads write;
-     * borrowed for the call */
+    /* Other memory that changes in virtual time, and its holes, which other threads write; borrowed
+     * for the call */
     const struct span *moving, *hole;
     size_t nmoving, nhole;
-    size_t own;   /* number of participants of the buses in the loop's thread; they join first */
-    bool one_way; /* time cannot go back, because a task runs in its own thread */
+    size_t own;   /* number of bus participants in the loop's thread; they join first */
+    bool one_way; /* no return to an earlier time: a task runs in its own thread */
     /* As in struct request_machine; pace may be NULL */
     void *context;
     void (*publish)(void *context, int64_t now_ns, const struct loop_stats *stats);

@@ -189,8 +189,8 @@ static void scene_put_inertia(FILE *out, const struct robot_inertia *inertia)
     scene_put_solid(out, inertia->com, upright, size, &color_inertia, false);
 }
 
-/* Writes one list of an entity: the primitives of a body's surfaces, and its ellipsoid if it has
- * none. */
+/* Writes one list of an entity: the primitives of the body's surfaces. A body without surfaces has
+ * an ellipsoid. */
 static void scene_put_list(const struct scene_writer *w, int body, enum scene_list list)
 {
     const struct contact_config *contact = &w->rig->contact;
@@ -234,7 +234,7 @@ static void scene_put_list(const struct scene_writer *w, int body, enum scene_li
     putc(']', w->out);
 }
 
-/* Writes the entity of a body, or of the world (body -1), in the frame of its name. */
+/* Writes the entity of a body or of the world (body -1). Its frame has the name `name`. */
 static void scene_put_entity(const struct scene_writer *w, int body, const char *name)
 {
     fputs(body < 0 ? "{" : ",{", w->out);

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The appearance of a rig's bodies and world, as the content of a foxglove.SceneUpdate in JSON. It
- * has one entity per frame ("world" or a body's name), valid for the whole recording. Surfaces are
- * drawn as collision shapes (meshes, capsules, boxes, spheres, the ground). A body without surfaces
- * is drawn as an ellipsoid with its mass at the density of water, and the proportions of its
- * moments of inertia about the axes of its frame. Not RT-safe.
+ * Writes the appearance of a rig's bodies and world as a foxglove.SceneUpdate in JSON. It has one
+ * entity per frame ("world" or a body's name), valid for the whole recording. Surfaces are drawn as
+ * collision shapes (meshes, capsules, boxes, spheres, the ground). A body without surfaces is drawn
+ * as an ellipsoid. The ellipsoid has the body's mass, the density of water, and the body's ratios
+ * of moments of inertia about the axes of its frame. Not RT-safe.
  */
 #ifndef SIM_SCENE_MESSAGE_H
 #define SIM_SCENE_MESSAGE_H

@@ -351,7 +351,7 @@ static bool signals_make_titles(struct simulator *simulator)
 
 enum error_code simulator_create_signals(struct simulator *simulator, struct error *error)
 {
-    /* An engine may split a pair's patch into two */
+    /* Allocates two patches per pair, because an engine may split a patch */
     simulator->npatch = 2 * simulator->config.rig->contact.npair;
     simulator->patch =
         arena_alloc(simulator->arena, simulator->npatch + 1, sizeof *simulator->patch);

@@ -30,8 +30,8 @@ enum error_code simulator_create(const struct simulator_config *config, struct a
 
 /* ---- running ---- */
 
-/* Makes the task step in the middle between two ticks. Otherwise, on one processor, it would delay
- * the loop by its own duration whenever the two grids coincide. */
+/* Shifts the task's steps to the middle between two ticks. If both grids coincided on one
+ * processor, each step would delay the loop by the step's duration. */
 static void simulator_offset_task_grid(struct simulator *simulator)
 {
     int64_t tick_ns = simulator->config.rig->tick_ns;
@@ -118,7 +118,7 @@ static bool simulator_join_task(struct simulator *simulator)
 {
     atomic_store(&simulator->task->stop, true);
     if (simulator->pace) {
-        /* the task may sleep on this clock, which is stopped in a pause */
+        /* a pause stops the clock on which the task may sleep */
         pace_set(simulator->pace, 1.0);
     }
     pthread_join(simulator->task_thread, NULL);
@@ -163,8 +163,8 @@ bool simulator_close_gateway(struct simulator *simulator, struct gateway_counter
     simulator->gateway = NULL;
     gateway_stop(gateway);
 
-    /* Counts frames that clients have sent since the last tick as received or lost. No board
-     * receives them, but the sums of sent and counted frames then agree. */
+    /* Reads the frames that clients have sent since the last tick. No board receives them, but they
+     * are counted as received or lost, so that sent and counted frames add up */
     struct bus_frame frame[64];
 
     for (size_t b = 0; simulator->buses.local && b < simulator->ports.count; b++) {

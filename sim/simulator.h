@@ -57,20 +57,20 @@ struct simulator_config {
     /* settings of the task, "NAME=VALUE" each, as for --set */
     const char *const *setting;
     size_t nsetting;
-    /* A candump log or a recording whose controller frames are received again (sim/stimulus.h);
-     * NULL = none. Not with a task. If ticks is 0, the run is as long as the log. */
+    /* A candump log or a recording whose controller frames are replayed (sim/stimulus.h); NULL =
+     * none. Not with a task. If ticks is 0, the run is as long as the log. */
     const char *stimulus;
     /* NULL = none. With an observer the run continues after the end of a task, except in lockstep,
      * where the task sends STEP. */
     const struct simulator_observer *observer;
     bool requests; /* accepts requests (rt/requests.h); reserves memory for checkpoints */
-    /* map memory pages at their first use, which is cheapest if nobody measures ticks; otherwise
-     * all are mapped before the run */
+    /* map each memory page at its first use: cheapest if tick durations do not matter. Otherwise
+     * all pages are mapped before the run */
     bool untouched;
     size_t guests;      /* number of later calls of simulator_join */
     bool guests_inline; /* all guests are observers that read each tick's frames within the tick */
     const struct gateway_config *gateway; /* host and port; NULL = none */
-    const char *record;                   /* directory, NULL = none */
+    const char *record;                   /* directory of the recording; NULL = none */
     bool overwrite;
     unsigned record_format; /* formats of rows: enum recorder_format; 0 = CSV */
     int64_t row_period_ns;  /* period of signals.csv, a multiple of the tick */
@@ -87,7 +87,7 @@ struct simulator_status {
     uint64_t tick, overruns, lost_ticks, pauses;
     uint64_t overruns_by[PHASE_COUNT], late_ticks, pause_ticks, events_lost;
     struct lockstep_counters lockstep;
-    uint64_t clamped;                   /* plant_is_clamped */
+    uint64_t clamped;                   /* plant_is_clamped: 0 or 1 */
     uint64_t fault[FAULTS_MAX / 64];    /* one bit for each active fault of simulator_faults */
     int64_t time_ns;                    /* virtual time */
     int64_t start_ns;                   /* clock time of the loop's start */
@@ -95,10 +95,10 @@ struct simulator_status {
     double base[7];                     /* position (m), quaternion wxyz; zeros with a fixed base */
     double q[RIG_JOINTS_MAX];           /* rad */
     double force_z[RIG_CONTACTS_MAX];   /* forces on contact bodies, world frame, N */
-    double free[SIMULATOR_FREE_MAX][7]; /* of the first free bodies: origin (m), quaternion wxyz */
+    double free[SIMULATOR_FREE_MAX][7]; /* free bodies' origins (m), quaternions wxyz */
     struct bus_status bus[RIG_BUSES_MAX];
-    /* Of the first external boards, in the rig's order: time when each was last heard, -1 = never;
-     * one bit for each silent board */
+    /* External boards in the rig's order: time when each was last heard (-1 = never), and a bit
+     * mask of silent boards */
     int64_t external_heard_ns[SIMULATOR_EXTERNAL_MAX];
     uint64_t external_silent;
     struct boards_counters boards;
@@ -114,14 +114,14 @@ enum error_code simulator_create(const struct simulator_config *config, struct a
                                  struct simulator **simulator, char notice[256],
                                  struct error *error);
 
-/* simulator_start requests real-time scheduling from the system and starts the task's thread (both
- * only with the real clock). simulator_run runs the loop in the calling thread. */
+/* simulator_start requests real-time scheduling and starts the task's thread, but only with the
+ * real clock. simulator_run runs the loop in the calling thread. */
 enum error_code simulator_start(struct simulator *simulator, struct realtime_report *report,
                                 struct error *error);
 enum loop_end simulator_run(struct simulator *simulator);
 
-/* Joins each bus once more; call it before simulator_start. The caller closes the ports before
- * simulator_destroy. */
+/* Joins each bus as one more participant. Call it before simulator_start. The caller closes the
+ * ports before simulator_destroy. */
 enum error_code simulator_join(struct simulator *simulator, struct bus_ports *ports,
                                struct error *error);
 
@@ -136,8 +136,9 @@ uint64_t simulator_beat(const struct simulator *simulator);
 enum error_code simulator_finish_recording(struct simulator *simulator,
                                            struct recorder_counters *counters, struct error *error);
 
-/* Call it after the run. Ends the connections of the gateway, reads its counters, and counts
- * frames that arrived after the last tick for the ports. Returns false if there is no gateway. */
+/* Ends the connections of the gateway, reads its counters, and adds frames that arrived after the
+ * last tick to the counters of the ports. Call it after the run. Returns false if there is no
+ * gateway. */
 bool simulator_close_gateway(struct simulator *simulator, struct gateway_counters *counters);
 
 /* Closes ports, recording and contact engine; the caller owns the arena. NULL is allowed. */
@@ -162,59 +163,61 @@ void simulator_record_event(struct simulator *simulator, uint64_t key, const cha
 /* Returns the priority of events with this key. */
 enum journal_priority simulator_event_priority(uint64_t key);
 
-/* Signals with their names in signals.csv, then the numbers of frames received and sent on each
- * bus. simulator_stream gives rows of them for one reader (rt/stream.h); NULL without requests,
- * because nobody could ask for them */
+/* Return the number of signals, their names, and a stream of their rows for one reader
+ * (rt/stream.h). The signals are the columns of signals.csv, then the numbers of frames received
+ * and sent on each bus. The stream is NULL without config.requests. */
 size_t simulator_signals(const struct simulator *simulator);
 const char *const *simulator_signal_names(const struct simulator *simulator);
 struct stream *simulator_stream(const struct simulator *simulator);
 
-/* Access to the parts; while the loop runs, only through functions whose comment allows it. */
+/* Return the parts. While the loop runs, use only functions whose comment allows it. */
 const struct simulator_config *simulator_configuration(const struct simulator *simulator);
-/* After the run; with histogram_copy, its histograms also during the run. */
+/* Returns the loop's statistics after the run. During the run, only their histograms may be read,
+ * with histogram_copy. */
 const struct loop_stats *simulator_stats(const struct simulator *simulator);
 struct can_port *simulator_port(const struct simulator *simulator, size_t bus);
-/* its counters after the run */
+/* Returns the boards; read their counters after the run. */
 struct boards *simulator_boards(const struct simulator *simulator);
-/* The faults; switch them (faults_set) in the loop's thread or before the run. */
+/* Returns the faults. Switch them (faults_set) in the loop's thread or before the run. */
 struct faults *simulator_faults(const struct simulator *simulator);
 struct plant *simulator_plant(const struct simulator *simulator); /* after the run */
-/* The measured values of the boards; in the loop's thread, or after the run. */
+/* Returns the measured values of the boards. Call it in the loop's thread, or after the run. */
 const struct plant_sensors *simulator_measured(const struct simulator *simulator);
 struct gateway *simulator_gateway(const struct simulator *simulator); /* NULL = none */
 const struct task_runner *
 simulator_task_runner(const struct simulator *simulator);         /* NULL = none */
 const char *simulator_failure(const struct simulator *simulator); /* valid after LOOP_END_MODEL */
-/* Returns whether energy appeared from nowhere (sim/mechanics_events.h): the results are wrong. */
+/* Returns whether energy appeared from nowhere (sim/mechanics_events.h). If so, the results are
+ * wrong. */
 bool simulator_found_energy(const struct simulator *simulator);
-/* Result of plant_settle at the start; NULL without settle. */
+/* Returns the result of plant_settle at the start; NULL without config.settle. */
 const struct settled *simulator_settled(const struct simulator *simulator);
-/* The recorded controller's frames; NULL without config.stimulus. */
+/* Returns the frames of the recorded controller; NULL without config.stimulus. */
 const struct stimulus *simulator_stimulus(const struct simulator *simulator);
-/* A sentence on the implementation of the rigid-body dynamics and the reason for it. */
+/* Returns a sentence that names the implementation of the rigid-body dynamics and its reason. */
 const char *simulator_dynamics(const struct simulator *simulator);
-/* For requests; NULL without config.requests. */
+/* Returns the queue of requests; NULL without config.requests. */
 struct requests *simulator_requests(const struct simulator *simulator);
 bool simulator_is_local(const struct simulator *simulator);
 /* Writes the present state, settings and counters of a bus's CAN controller as text; returns false
  * if its interface has none. */
 bool simulator_can_controller_state(const struct simulator *simulator, size_t bus, char *text,
                                     size_t size);
-/* The wire of a timed bus; NULL for a bus without timing. After the run. */
+/* Returns the wire of a timed bus; NULL for a bus without timing. Call it after the run. */
 const struct wire *simulator_wire(const struct simulator *simulator, size_t bus);
 
-/* Number of contact evaluations and their total time. After the run. */
+/* Returns the number of contact evaluations and their total time. Call it after the run. */
 const struct plant_contact_cost *simulator_contact_cost(const struct simulator *simulator);
 
 /* ---- views ---- */
 
 /*
  * A view of one tick for a reader: the status, the values of all signals, and the state of each
- * board, all of the same moment. While views are wanted, the loop publishes one per tick and never
- * waits for the reader. While they are not wanted, they cost the loop one load. If they become
- * wanted while no tick runs (a pause, a silent controller), the last tick's view follows within a
- * tenth of a second. Arrays are in the order of simulator_signal_names and of the rig's boards. SI
- * units.
+ * board, all at the same time. While views are wanted, the loop publishes one per tick and never
+ * waits for the reader. While views are not wanted, each tick costs the loop one load instruction
+ * more. If views become wanted while no tick runs (a pause, a silent controller), the last tick's
+ * view follows within a tenth of a second. Arrays are in the order of simulator_signal_names and of
+ * the rig's boards. SI units.
  */
 struct simulator_view {
     struct simulator_status status;
@@ -230,17 +233,17 @@ enum error_code simulator_view_create(const struct simulator *simulator, struct 
 /* Sets whether views are wanted. Call it from the one thread that reads them. RT-safe. */
 void simulator_want_views(struct simulator *simulator, bool wanted);
 
-/* Publishes the last tick's view, wanted or not. Call it after the loop has ended, in the thread
- * that ran it. Not RT-safe: the loop does not call it. */
+/* Publishes the last tick's view even if views are not wanted. Call it after the loop has ended, in
+ * the thread that ran the loop. Not RT-safe: the loop does not call it. */
 void simulator_end_views(struct simulator *simulator);
 
-/* Returns the rows of all signals of each tick (rt/stream.h), for the same reader. The ring holds
- * one second at 1 kHz; rows without room are counted. Returns NULL if the simulator was created
- * without guests, or only with inline ones. RT-safe. */
+/* Returns the rows of all signals of each tick (rt/stream.h), for the reader of the views. The ring
+ * holds one second at 1 kHz; rows without room are counted. Returns NULL if the simulator was
+ * created without guests, or only with inline ones. RT-safe. */
 struct stream *simulator_view_stream(const struct simulator *simulator);
 
-/* Copies the last published view; before the first tick, the view of the start. Returns the number
- * of published views. Not RT-safe. */
+/* Copies the last published view; before the first tick, the view of the initial state. Returns the
+ * number of published views. Not RT-safe. */
 uint64_t simulator_view_read(const struct simulator *simulator, struct simulator_view *view);
 
 #endif

@@ -21,7 +21,7 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-/* The state of a clamped robot's release. */
+/* The release of a clamped robot. */
 struct release {
     bool due;       /* waits until every motor is on */
     int64_t at_ns;  /* virtual time of the release; -1 = not yet or done */
@@ -46,15 +46,15 @@ struct simulator {
     struct external *external; /* NULL = the rig has no external boards */
     struct watch *watch;
     struct buses buses;
-    struct interfaces interfaces; /* of SocketCAN; none for local buses */
+    struct interfaces interfaces; /* the SocketCAN interfaces; empty for local buses */
     struct bus_ports ports, task_ports, gateway_ports;
     struct stimulus stimulus;
-    int64_t stimulus_ns; /* virtual time up to which recorded frames are received */
+    int64_t stimulus_ns; /* replay receives recorded frames up to this virtual time */
     struct gateway *gateway;
     size_t *transmit_max;
     struct loop *loop;
     struct recorder *recorder;
-    const char **title; /* names of the signals: of signals.csv, then of the buses */
+    const char **title; /* signal names: columns of signals.csv, then bus counters */
     double *row;
     struct contact_patch *patch; /* buffer for the pairs of a row */
     size_t nrecorded, nsignal, npatch;
@@ -66,21 +66,21 @@ struct simulator {
     pthread_t task_thread;
     struct realtime_config task_realtime;
     struct simulator_status status;
-    struct snapshot *published;      /* of struct simulator_status */
-    struct snapshot *published_view; /* of views, see simulator.h */
+    struct snapshot *published;      /* the last struct simulator_status */
+    struct snapshot *published_view; /* the last view (simulator.h) */
     void *view;                      /* the view under construction */
     _Atomic bool view_wanted;
     bool view_stale; /* the last tick was not published as a view */
     struct release release;
-    _Atomic int64_t released; /* virtual time of the release; -1 = reported or not yet */
-    /* virtual time of an axis trip in a clamped robot; -1 = reported or none */
+    _Atomic int64_t released; /* virtual time of an unreported release; -1 = none */
+    /* virtual time of an unreported axis trip in a clamped robot; -1 = none */
     _Atomic int64_t clamped_trip;
-    _Atomic int clamped_trip_on; /* number of motors that were on at that time */
+    _Atomic int clamped_trip_on; /* number of motors that were on at the trip */
     char failure[256];
     struct requests *requests; /* NULL = none */
     struct robot_requests *robot_requests;
     struct pace *pace;           /* clock of a task in its own thread; NULL = the real clock */
-    size_t moves_from, moves_to; /* range of the arena with state that changes in virtual time */
+    size_t moves_from, moves_to; /* range of the arena that changes in virtual time */
 };
 
 /* ---- assembly.c ---- */
@@ -96,7 +96,7 @@ struct loop_machine simulator_machine(struct simulator *simulator);
 /* Publishes the status; the context is the simulator. */
 void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *stats);
 
-/* Excludes unused parts of arrays from the published status. */
+/* Excludes the unused ends of arrays from the published status. */
 void simulator_leave_out_unused(struct simulator *simulator);
 
 /* Fills the parts of the status that are known before the first tick. */
@@ -110,13 +110,13 @@ enum error_code simulator_create_view(struct simulator *simulator, struct error 
 /* Returns the signals in the last tick's view; NULL without one. RT-safe. */
 const double *simulator_view_signals(const struct simulator *simulator);
 
-/* Publishes the last tick's view between two ticks, if views became wanted after the tick.
+/* Publishes the last tick's view between two ticks, if a reader asked for views after that tick.
  * RT-safe. */
 void simulator_renew_view(struct simulator *simulator);
 
 /* ---- signals.c ---- */
 
-/* Returns the column of the first of six components of a body's contact wrench in a row. */
+/* Returns the first of the six columns of a body's contact wrench in a row. */
 size_t simulator_contact_column(const struct simulator *simulator, size_t contact);
 
 /* Lists the signals and creates the streams. Call it before the recorder, whose columns are the

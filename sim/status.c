@@ -25,7 +25,7 @@ static void status_fill_buses(struct simulator *simulator)
     }
 }
 
-/* Copies poses, joint angles, contact forces and the clamp. */
+/* Copies poses, joint angles, contact forces and the state of the clamp. */
 static void status_fill_plant(struct simulator *simulator)
 {
     const struct rig *rig = simulator->config.rig;
@@ -115,7 +115,7 @@ void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *s
 
     simulator->status.time_ns = now_ns;
 
-    /* Copies the loop's accounts */
+    /* Copies the loop's counters */
     struct simulator_status *status = &simulator->status;
 
     status->tick = stats->ticks;

@@ -87,7 +87,7 @@ static bool stimulus_is_extended_of_boards(const struct stimulus_reader *reader,
     return false;
 }
 
-/* Checks whether a frame is to be played: it came from a controller or an external board. */
+/* Checks whether a frame must be played, because a controller or an external board sent it. */
 static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bus,
                                  const struct bus_frame *frame)
 {
@@ -96,7 +96,7 @@ static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bu
     if (frame->flags & FRAME_ERROR) {
         return false;
     }
-    /* A remote frame asks for a board's frame of the same identifier. Boards only answer */
+    /* A remote frame requests a board's data frame with the same identifier, so no board sent it */
     if (frame->flags & FRAME_REMOTE) {
         return true;
     }

@@ -12,7 +12,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Least turnover of which the balance is a share, J. */
+/* Smallest turnover for which the imbalance is printed as a share of it, J. */
 #define SHARE_LEAST_J 1e-6
 
 const char *summary_end_text(enum loop_end end)
@@ -54,7 +54,7 @@ static uint64_t state_hash(const struct summary *summary)
 
 /* ---- text ---- */
 
-/* Prints the accounts of the real clock, and a hint if the machine is too slow. */
+/* Prints overruns and other counters of the real clock, and a hint if the machine is too slow. */
 static void print_overruns(const struct loop_stats *stats, FILE *out)
 {
     fprintf(out, "overruns %" PRIu64, stats->overrun_total);
@@ -77,7 +77,7 @@ static void print_overruns(const struct loop_stats *stats, FILE *out)
     }
 }
 
-/* Prints percentiles, maximum and mean (us) of a histogram, and its share of `total` (0 = no
+/* Prints percentiles, maximum and mean (us) of a histogram, and its share of `total` (0 = print no
  * share). */
 static void summary_print_histogram(const char *name, const struct histogram *h, int64_t total,
                                     FILE *out)
@@ -119,7 +119,8 @@ static void summary_print_phases(const struct summary *summary, FILE *out)
 
         fprintf(out, "  contact: %" PRIu64 " evaluations, %.1f us each", contact->evaluations,
                 summary_us(contact->spent_ns) / (double)contact->evaluations);
-        /* A run without ticks has evaluated only its start */
+        /* A run without ticks has evaluated contact only for the initial state, so it has no
+         * share */
         if (around > 0) {
             fprintf(out, ", %.1f %% of plant and sensors",
                     100.0 * (double)contact->spent_ns / (double)around);
@@ -426,7 +427,7 @@ static void json_write(const struct summary *summary, FILE *out)
     json_text_put(simulator_dynamics(summary->simulator), out);
     fprintf(out, ",\n");
 
-    /* Writes the accounts of the real clock and the durations of the phases */
+    /* Writes overruns and other counters of the real clock, and the durations of the phases */
     fprintf(out, "  \"overruns\": {");
     for (int p = 0; p < PHASE_COUNT; p++) {
         fprintf(out, "\"%s\": %" PRIu64 ", ", loop_phase_name((enum loop_phase)p),

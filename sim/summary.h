@@ -12,8 +12,8 @@ struct summary {
     enum loop_end end;
     bool recorded;
     struct recorder_counters recorder;
-    /* Writes JSON members that describe the input of the run, each preceded by a comma, instead of
-     * the rig's file; NULL = the input was a rig file */
+    /* Writes JSON members that describe the input of the run, each preceded by a comma. They
+     * replace the name of the rig file. NULL = the input was a rig file */
     void (*put_origin)(const void *context, FILE *out);
     const void *context; /* argument of put_origin */
 };

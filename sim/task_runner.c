@@ -92,7 +92,7 @@ enum task_status task_runner_step(struct task_runner *runner, int64_t now_ns)
     return status;
 }
 
-/* Sleeps until the next deadline in the future (real time); skips missed ones, the grid stays. */
+/* Sleeps until the next deadline (real time). Skips missed deadlines without shifting the grid. */
 static void task_runner_wait_for_deadline(struct task_runner *runner, int64_t *deadline_ns)
 {
     int64_t now = clock_now(runner->time);
@@ -104,8 +104,7 @@ static void task_runner_wait_for_deadline(struct task_runner *runner, int64_t *d
     clock_sleep_until(runner->time, *deadline_ns);
 }
 
-/* Returns the task's time: the clock's minus the pauses in which the task did not run (a stopped
- * process). */
+/* Returns the task's time: the clock's time minus the pauses in which the process was stopped. */
 static int64_t task_runner_time(const struct task_runner *runner, int64_t *last_ns,
                                 int64_t *paused_ns)
 {

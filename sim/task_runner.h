@@ -27,7 +27,7 @@ struct task_runner {
     size_t nbus;
     struct can_port **port;
     struct clock *time;
-    int64_t grid_ns;  /* task_runner_run steps at this time + k periods; 0 = from its start */
+    int64_t grid_ns;  /* time grid of task_runner_run; 0 = starts at the call */
     atomic_bool stop; /* ends task_runner_run; any thread may set it */
     struct task_runner_status now;
     uint64_t steps;
@@ -36,7 +36,7 @@ struct task_runner {
     const char *const *signal_name;
 };
 
-/* Checks that the task exists, before anything is opened; else returns ERROR_INPUT. Not
+/* Checks that a task of this name exists. Call it before anything is opened. ERROR_INPUT. Not
  * RT-safe. */
 enum error_code task_runner_check_name(const char *task, struct error *error);
 
@@ -51,10 +51,10 @@ enum error_code task_runner_create(const struct rig *rig, const char *task,
 /* Runs one step of the task. RT-safe. */
 enum task_status task_runner_step(struct task_runner *runner, int64_t now_ns);
 
-/* Steps until the task ends or stop is set; if it was stopped, switches the motors off. A gap of
- * more than 50 ms between two steps (a stopped process, no processor) does not count as task time.
- * So the task continues where it was, and does not mistake the gap for a board's timeout. RT-safe
- * except that it sleeps. */
+/* Steps until the task ends or stop is set; after stop, switches the motors off. A gap of more than
+ * 50 ms between two steps (a stopped process, no processor) does not count as task time. So the
+ * task continues where it was, and does not mistake the gap for a board's timeout. RT-safe except
+ * that it sleeps. */
 enum task_status task_runner_run(struct task_runner *runner);
 
 /* Copies the last published status. Any thread. RT-safe except that it may repeat the copy. */
