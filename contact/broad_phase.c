@@ -17,8 +17,8 @@
 
 /* ---- the pairs within the margin ---- */
 
-/* Returns a bit for each surface of a row whose ball is within the margin of the row's plane: bit l
- * for surface first + l. */
+/* Returns a bit mask of the surfaces whose ball is within the margin of the row's plane (bit l:
+ * surface first + l). */
 static unsigned row_meets_plane(const struct broad_balls *b, const struct broad_row *row)
 {
     const double *x = b->x + row->first, *y = b->y + row->first, *z = b->z + row->first;
@@ -35,8 +35,8 @@ static unsigned row_meets_plane(const struct broad_balls *b, const struct broad_
     return (unsigned)meets;
 }
 
-/* Returns a bit for each surface of a row whose ball is within the margin of the row's ball: bit l
- * for surface first + l. */
+/* Returns a bit mask of the surfaces whose ball is within the margin of the row's ball (bit l:
+ * surface first + l). */
 static unsigned row_meets_ball(const struct broad_balls *b, const struct broad_row *row)
 {
     const double *x = b->x + row->first, *y = b->y + row->first, *z = b->z + row->first;
@@ -67,8 +67,8 @@ static double surface_height(const struct broad_phase *broad, int plane, int i)
     return height + b->reach[plane] - (below < b->reach[i] ? below : b->reach[i]);
 }
 
-/* Returns a lower bound of the gap between two surfaces, m, after their slack: from their balls
- * and, if these are near, from the axes of their capsules. */
+/* Returns a lower bound of the gap between two surfaces, m, after their slack. Uses their balls
+ * and, if these are near, the axes of their capsules. */
 static double surfaces_distance(const struct broad_phase *broad, int i, int j, double slack)
 {
     const struct broad_balls *b = &broad->ball;
@@ -77,7 +77,7 @@ static double surfaces_distance(const struct broad_phase *broad, int i, int j, d
     double balls = vec3_norm(to) - b->reach[i] - b->reach[j], capsules;
     struct segment first, second;
 
-    /* Relative to the first surface's center */
+    /* Positions relative to the first surface's center */
     for (int k = 0; k < 3; k++) {
         first.from[k] = -p->half[k];
         first.by[k] = 2 * p->half[k];
@@ -103,7 +103,7 @@ static void list_add(struct broad_phase *broad, const struct broad_row *row, int
     broad->ncandidate += c->gap < MARGIN;
 }
 
-/* Makes the list of candidate pairs (Verlet's) and stores where the surfaces are now. */
+/* Makes Verlet's list of candidate pairs, and stores the present poses of the surfaces. */
 static void list_make(struct broad_phase *broad)
 {
     const struct broad_balls *now = &broad->ball, *then = &broad->then;
@@ -119,7 +119,7 @@ static void list_make(struct broad_phase *broad)
         }
     }
 
-    /* Stores the places for list_moved */
+    /* Stores the poses for list_moved */
     for (size_t s = 0; s < broad->nsurface; s++) {
         then->x[s] = now->x[s];
         then->y[s] = now->y[s];
@@ -129,9 +129,9 @@ static void list_make(struct broad_phase *broad)
     broad->found = broad->keeps;
 }
 
-/* Returns an upper bound of how much any two surfaces have come nearer since the list was made, m.
- * A point of a capsule moves at most as far as the center plus the relative motion of an end of
- * the axis. */
+/* Returns an upper bound of the distance by which any two surfaces have approached since the list
+ * was made, m. A point of a capsule moves at most as far as the center plus the relative motion of
+ * an end of the axis. */
 static double list_moved(const struct broad_phase *broad)
 {
     const struct broad_balls *now = &broad->ball, *then = &broad->then;

@@ -28,14 +28,14 @@ struct broad_balls {
 
 /* Bounding capsule of a surface about the center of its ball; unused for a half-space. */
 struct broad_capsule {
-    double half[3]; /* from the middle of its axis to an end */
+    double half[3]; /* vector from the middle of the axis to an end */
     double radius;
 };
 
-/* A row of pairs: one surface against BROAD_LANES surfaces from first on. */
+/* A row of pairs: one surface against BROAD_LANES consecutive surfaces. */
 struct broad_row {
     int surface;
-    int first;                 /* a multiple of BROAD_LANES */
+    int first;                 /* index of the first of these; a multiple of BROAD_LANES */
     bool plane;                /* the surface is a half-space */
     unsigned wanted;           /* bit l: there is a pair with surface first + l */
     int pair[BROAD_LANES];     /* index of the pair */
@@ -44,7 +44,7 @@ struct broad_row {
 
 /* A pair within the margin: tested by each evaluation. */
 struct broad_candidate {
-    int surface, other; /* surface is the half-space if there is one */
+    int surface, other; /* if one is a half-space, it is surface */
     int pair;           /* index of the pair */
     bool plane;
     double slack; /* overlap that does not count, m */
@@ -52,17 +52,17 @@ struct broad_candidate {
 };
 
 struct broad_phase {
-    struct broad_balls ball;       /* the caller updates ball before each find, */
-    struct broad_capsule *capsule; /* and capsule; reach and radius are constant */
+    struct broad_balls ball;       /* the caller updates the centers before each find */
+    struct broad_capsule *capsule; /* the caller updates the axes before each find */
     size_t nsurface, nrow, nword;
     const struct broad_row *row;
 
-    /* The pairs within the margin, and the places of the surfaces when the list was made */
+    /* The list of pairs within the margin, and the poses of the surfaces when the list was made */
     bool keeps; /* true: no half-space moves, so the list can be kept */
     bool found;
     size_t ncandidate;
-    struct broad_candidate *candidate; /* room for all pairs */
-    struct broad_balls then;           /* places when the list was made, without reach */
+    struct broad_candidate *candidate; /* has room for all pairs */
+    struct broad_balls then;           /* centers when the list was made; reach is unused */
     struct broad_capsule *capsule_then;
 };
 

@@ -77,7 +77,7 @@ enum error_code broad_phase_make(const struct contact_config *config, struct are
             config->surface[s].shape != CONTACT_HALF_SPACE || config->surface[s].body < 0;
     }
 
-    /* Rows: a surface against eight consecutive surfaces */
+    /* Sorts the pairs into rows */
     broad->nsurface = config->nsurface;
     broad->found = false;
     broad->row = row;

@@ -109,7 +109,8 @@
  * f_t is Coulomb friction at each element.
  *
  * The stored energy depends on y only. The power of the whole is y . y' plus the loss by the
- * retardation t_d, for any motion of the anchor. q_2 limits its growth to the work of the elements.
+ * retardation t_d, for any motion of the anchor. q_2 limits the growth of the stored energy to the
+ * work of the elements.
  * So friction is passive under any change of normal force, patch or normals (docs/contact.md). The
  * elements are the elasto-plastic bristle of Dupont, Hayward, Armstrong, Altpeter (2002), with one
  * rigid motion for all bristles of a patch.
@@ -156,21 +157,21 @@ struct contact_surface {
     enum contact_shape shape;
     double position[3]; /* origin of the surface frame in the body (or world) frame, m */
     double rotation[9]; /* surface frame to body frame, row-major */
-    double radius_m;    /* of a sphere or capsule */
-    /* of a capsule: length of its axis without the half-spheres; 0 or more */
+    double radius_m;    /* spheres and capsules only */
+    /* capsules only: length of the axis without the half-spheres; 0 or more */
     double length_m;
-    double half_extent_m[3]; /* of a box */
-    int cells_per_edge;      /* of a box; 7 gives Simbody's 588 faces */
-    const struct mesh *mesh; /* of a mesh; it must outlive the world */
+    double half_extent_m[3]; /* boxes only */
+    int cells_per_edge;      /* boxes only; 7 gives Simbody's 588 faces */
+    const struct mesh *mesh; /* meshes only; must outlive the world */
     struct contact_material material;
 };
 
-/* Two surfaces that may touch: only configured pairs interact. slack_m is the overlap that
- * capsules may have before they touch, for capsules wider than the part that they enclose. Each
- * surface then counts as thinner by half of the slack. */
+/* Two surfaces that may touch. Only configured pairs interact. slack_m is the overlap that capsules
+ * may have before they touch, for capsules wider than the part that they enclose. Each surface then
+ * counts as thinner by half of the slack. */
 struct contact_pair {
     int a, b; /* indices of surfaces */
-    /* between two capsules, or a capsule and a sphere; less than either diameter */
+    /* only between two capsules, or a capsule and a sphere; less than either diameter */
     double slack_m;
 };
 
@@ -200,14 +201,12 @@ struct contact_config {
 
 /* Force and moment on a body; world frame, about the body's origin. */
 struct contact_wrench {
-    double force[3]; /* N */
-    /* Contact patch: one pair in contact; world frame. The force acts on the body of surface b;
-     * the opposite force acts on the body of a. */
-    double moment[3];
+    double force[3];  /* N */
+    double moment[3]; /* N m */
 };
 
-/* Contact patch: one pair in touch; world frame. Force on surface b's body; the opposite acts on
- * a's. */
+/* Contact patch: one pair in contact; world frame. The force acts on the body of surface b; the
+ * opposite force acts on the body of a. */
 struct contact_patch {
     int pair;
     double center[3];     /* where the force acts, m */
@@ -237,17 +236,15 @@ enum contact_axis {
 #define CONTACT_TANGENT_AT(row, column) ((row) * (11 - (row)) / 2 + (column))
 
 /* Tangent stiffness and damping of one pair in contact, world frame. A small motion of b relative
- * to a at center, displacement X and velocity V (linear, angular), changes the wrench on b there
- * by about -(K X + D V). Both are positive semidefinite. They are meant for implicit integration,
- * which stays stable if they are too large: regularized friction uses a bound of its slope. The
- * terms for the rotation of normals and for the growth of friction with the normal force are left
- * out.
- *
- * Bristles count in D, because the velocity bends them during the time ahead. The shear changes by
- * bristle_per_m_s times the velocity across the normal at bristle_arm. The twist changes by
- * bristle_per_rad_s times the angular velocity along bristle_axis. The integrator also needs their
- * own wrench and part of D, since the work of friction bounds the stored energy, and friction_max,
- * since the normal force bounds friction. */
+ * to a at center, displacement X and velocity V (linear, angular), changes the wrench on b there by
+ * about -(K X + D V). Both are positive semidefinite. They are meant for implicit integration,
+ * which stays stable if they are too large. So regularized friction uses an upper bound of its
+ * slope. The terms for the rotation of normals and for the growth of friction with the normal force
+ * are left out. D includes the bristles, because the velocity bends them during the time ahead. The
+ * shear changes by bristle_per_m_s times the velocity across the normal at bristle_arm. The twist
+ * changes by bristle_per_rad_s times the angular velocity along bristle_axis. The integrator needs
+ * the bristles' own wrench and their share of D, because the work of friction bounds the stored
+ * energy. It needs friction_max, because the normal force bounds friction. */
 struct contact_tangent {
     int pair;
     int body_a, body_b; /* indices into the motions, -1 = the fixed world */
@@ -256,11 +253,11 @@ struct contact_tangent {
     double D[CONTACT_TANGENT_SIZE]; /* N s/m, N s, N m s */
     /* mean direction in which b is pushed; 0 without bristles */
     double normal[3];
-    double bristle_per_m_s, bristle_per_rad_s; /* bend after the time ahead per velocity, J^0.5 */
+    double bristle_per_m_s, bristle_per_rad_s; /* change of the bend per velocity, J^0.5 */
     double bristle_arm[3];                     /* from center to the anchor of the bristles */
     double bristle_axis[3];                    /* axis of the twist, close to normal */
     double friction[CONTACT_AXES];             /* wrench of the bristles on b at center; N, N m */
-    double friction_D[CONTACT_TANGENT_SIZE];   /* part of the bristles in D */
+    double friction_D[CONTACT_TANGENT_SIZE];   /* share of D from the bristles */
     /* sum of the normal forces, N; 0 without bristles */
     double pressing;
     double friction_max; /* largest ratio of friction to pressing at the present velocity */
@@ -279,18 +276,18 @@ enum contact_bristle_part {
     CONTACT_BRISTLE = 10, /* number of all parts */
 };
 
-/* Bristle state for an evaluation: the state of pair i is y[CONTACT_BRISTLE i] and the following
- * parts. With a time ahead > 0, friction is evaluated for the bristles as the present velocities
- * bend them in that time, and rate leads to that state: the step of an implicit integrator. Only
- * listed pairs cost time. The caller lists each pair with a nonzero state once; evaluate appends
- * the pairs that touch. */
+/* Bristle state for an evaluation: the state of pair i begins at y[CONTACT_BRISTLE i]. With ahead_s
+ * > 0, an implicit integrator's step: the present velocities bend the bristles for that time,
+ * friction is evaluated in the bent state, and rate leads to that state. Only listed pairs cost
+ * time. The caller lists each pair with a nonzero state once. evaluate appends the pairs that
+ * touch. */
 struct contact_bristles {
     const double *y; /* world->nbristle numbers; 0 for a pair that is not listed */
     double ahead_s;  /* >= 0 */
-    /* output: mean rates of the listed pairs over the time ahead, J^0.5/s. NULL = not wanted; then
+    /* output: mean rates of the listed pairs over ahead_s, J^0.5/s. NULL = not wanted; then
      * evaluate appends no pairs */
     double *rate;
-    int *pair; /* room for all pairs of the world */
+    int *pair; /* indices of listed pairs; room for all pairs */
     size_t npair;
 };
 
@@ -327,7 +324,7 @@ struct contact_ops {
     void (*destroy)(struct contact_world *world);
 };
 
-/* Base of an engine's private struct, of which it is the first member. */
+/* Base of an engine: the first member of the engine's private struct. */
 struct contact_world {
     const struct contact_ops *ops;
     size_t nbristle; /* size of the bristle state y; 0 without sticking friction */
@@ -354,9 +351,9 @@ struct contact_world {
 enum error_code contact_simbody_create(const struct contact_config *config,
                                        struct contact_world **world, struct error *error);
 
-/* Finds the module file with the engine "simbody". The first world that is created loads it.
- * Writes its path and returns true. If there is none, writes the expected path and returns false;
- * creating a world then returns ERROR_UNSUPPORTED. Not RT-safe. */
+/* Finds the module file of the engine "simbody", which the first created world loads. Writes its
+ * path and returns true. If there is no file, writes the expected path and returns false; creating
+ * a world then returns ERROR_UNSUPPORTED. Not RT-safe. */
 bool contact_simbody_find(char *path, size_t size);
 
 /* Creates the engine "native", which runs in real time. All operations of its world are RT-safe.

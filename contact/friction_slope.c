@@ -11,6 +11,6 @@ double contact_friction_damping(double static_friction, double viscous_friction,
     /* S'(y), which increases up to y = 1/2 */
     double slope = x < 1 ? 30 * y * y * (1 - y) * (1 - y) : CONTACT_FRICTION_STEEPEST / x;
 
-    /* The viscous force is proportional to the speed, and so is constant in its slope */
+    /* The slope of the viscous force is the same at any speed */
     return (slope * static_friction / transition_velocity_m_s + viscous_friction) * normal_n;
 }

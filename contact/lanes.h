@@ -95,7 +95,7 @@ LANES_INLINE uint64_t lanes_bits(lanes_mask m)
 #endif
 }
 
-/* Returns the least of all lanes. */
+/* Returns the smallest of all lanes. */
 LANES_INLINE double lanes_least(lanes x)
 {
     double least = x[0];

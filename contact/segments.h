@@ -20,8 +20,8 @@ static inline double segment_clamp(double x)
     return x < 0 ? 0 : x > 1 ? 1 : x;
 }
 
-/* Returns the squared distance of two segments: at the parameters s and t of the nearest points of
- * their lines, clamped to the ends (Ericson, Real-Time Collision Detection, 5.1.9). */
+/* Returns the squared distance of two segments. Finds the parameters s and t of the nearest points
+ * of their lines and clamps them to the ends (Ericson, Real-Time Collision Detection, 5.1.9). */
 static inline double segments_distance2(const struct segment *p, const struct segment *q)
 {
     double between[3], to[3];

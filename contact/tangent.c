@@ -9,7 +9,7 @@ void contact_tangent_add(struct contact_tangent *tangent, const struct contact_e
     const double *n = element->normal;
     double arm[3];
 
-    /* The moments of one element with the weight 1. Friction is added in all directions, so its
+    /* Computes the element's moments for a weight of 1. Friction is added in all directions, so its
      * part along the normal is subtracted */
     vec3_sub(element->point, tangent->center, arm);
     const struct moments unit = {1,

@@ -2,7 +2,7 @@
 /*
  * Names of the kernels' variants. The native engine's kernels are compiled once per instruction
  * set; a new engine uses the best one that the machine supports. If NATIVE_VARIANT is defined, it
- * is appended to all names that the kernel files share. Without it the same files give the plain
+ * is appended to all names that the kernel files share. If not, the same files compile to the plain
  * variant. Include this file before any declaration of these names. It defines names only; each
  * declaration says whether it is RT-safe.
  */

@@ -17,7 +17,7 @@
  * the middle. */
 static void capsule_place_vertices(double radius, double length, double (*vertex)[3])
 {
-    /* The polygon has the area of the circle */
+    /* Radius at which the polygon has the area of the circle */
     const double wide = radius * sqrt(2 * PI / (SIDES * portable_sin(2 * PI / SIDES)));
     double around[SIDES][2];
 

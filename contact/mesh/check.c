@@ -47,9 +47,9 @@ const char *mesh_fault_text(enum mesh_fault fault)
 
 /* ---- half-edges in order ---- */
 
-/* Half-edges are sorted into buckets by lower vertex. A bucket has as many half-edges as the
- * vertex has edges, about six, and is sorted by insertion; a large bucket is sorted with qsort.
- * qsort of all half-edges would take 6 % more instructions at a start (walk-bump-9cm). */
+/* Half-edges are sorted into buckets by lower vertex. A bucket has one half-edge per edge of its
+ * vertex, about six. It is sorted by insertion; a large bucket is sorted with qsort. Sorting all
+ * half-edges with qsort would take 6 % more instructions at a start (walk-bump-9cm). */
 enum { FEW = 32 }; /* largest bucket sorted by insertion */
 
 /* Compares half-edges of one low vertex by high vertex, then number, for qsort. */
@@ -101,7 +101,7 @@ enum error_code mesh_sort_half_edges(const struct mesh *mesh, struct half_edge *
         return error_set(error, ERROR_MEMORY, "%s: no memory to sort %d edges", mesh->name, n);
     }
 
-    /* Start of each vertex's bucket; after filling, its end */
+    /* Start of each vertex's bucket; after filling, the end of the bucket */
     for (int i = 0; i < n; i++) {
         ++end[mesh_half_edge(mesh, i).low + 1];
     }

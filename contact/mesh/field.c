@@ -10,12 +10,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define FLAT 1e-9       /* relative to the trace; below it, a direction parallel to all sides */
-#define STEEP 0.05      /* minimum speed at which a spoke leaves a side over its length */
-#define ROOM 0.98       /* part of a ball's squared radius that must be free */
+#define FLAT 1e-9  /* eigenvalue over the trace; below it, parallel to all sides */
+#define STEEP 0.05 /* minimum speed of a spoke away from a side, over its length */
+#define ROOM 0.98  /* a ball fits if no surface point is within this part of its squared radius */
 #define BALL_STEPS 24   /* steps in which a ball shrinks until it fits */
 #define BALL_LEAVES 128 /* leaves of the tree of faces searched in one step */
-#define CORE 0.02       /* part of a core's volume that may be inside out */
+#define CORE 0.02       /* largest part of a core's volume that may be inverted */
 
 struct field_builder {
     const struct solid *solid;
@@ -25,7 +25,7 @@ struct field_builder {
     struct error *error;
 
     double (*spoke)[3]; /* of each vertex: vector inward for a depth of 1 m */
-    /* speed at which the spoke leaves the adjacent side that it leaves most slowly */
+    /* smallest speed at which the spoke leaves an adjacent side */
     double *least;
     double *depth; /* depth at the spoke's end, m */
     double (*node)[4];
@@ -223,7 +223,7 @@ static void spoke_from_normals(const double sum[9], double spoke[3])
     }
 }
 
-/* Computes for each vertex the lowest speed at which its spoke leaves an adjacent side. */
+/* Computes for each vertex the smallest speed at which its spoke leaves an adjacent side. */
 static void field_find_least(const struct field_builder *b)
 {
     const struct solid *s = b->solid;
@@ -340,7 +340,7 @@ static double spoke_find_depth(const struct field_builder *b, size_t vertex)
     return 0.5 * depth;
 }
 
-/* Computes spokes, lowest speeds and end depths for all vertices. On ERROR_MEMORY, field_make
+/* Computes spokes, smallest speeds and end depths for all vertices. On ERROR_MEMORY, field_make
  * frees the arrays. */
 static enum error_code field_find_spokes(struct field_builder *b)
 {

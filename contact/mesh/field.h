@@ -6,9 +6,9 @@
  * For a convex solid with few sides, the depth is the distance to the nearest side's plane: one
  * cell per side. Any other solid has a shell. From each vertex a spoke leads inward, in the
  * direction that leaves all adjacent sides equally fast (least squares if there is none). A spoke
- * ends where the ball about its end that touches these sides would no longer fit inside. Between
- * the spokes of a triangle there are layers of prisms, cut into tetrahedra that share faces with
- * their neighbors. Inside the innermost layer, tetrahedra lead to one point. Under flat sides, and
+ * ends where a ball about its end that touches these sides no longer fits inside. Between the
+ * spokes of a triangle there are layers of prisms, cut into tetrahedra that share faces with their
+ * neighbors. Inside the innermost layer, tetrahedra lead to one point. Under flat sides, and
  * their edges and corners, the depth is exact. The tetrahedra, counted with their orientation,
  * cover the inside once and the outside not at all, for any direction of the spokes, since the
  * surface is their only boundary.
@@ -22,7 +22,7 @@
 #include "contact/mesh/solid.h"
 
 #define FIELD_MAX_PLANES 16 /* a convex solid with more facets has a shell */
-#define FIELD_MAX_LAYERS 6  /* of prisms in a shell */
+#define FIELD_MAX_LAYERS 6  /* maximum number of layers of prisms in a shell */
 /* A tetrahedron is left out if its squared volume is less than this factor times the product of
  * its squared edge lengths. */
 #define FIELD_NO_VOLUME 1e-20
@@ -45,11 +45,11 @@ struct field {
     const int *cell;
 };
 
-/* A prism of a shell. The nodes of its outer side come first, in the order of the vertices'
- * numbers, so that neighbors cut a common wall alike. Then come the nodes of its inner side. In
- * the innermost layer the prism is a tetrahedron: its inner side is one node. */
+/* A prism of a shell. The nodes of its outer side come first, in ascending order of their vertices,
+ * so that two neighbors cut their common wall in the same way. Then come the nodes of its inner
+ * side. In the innermost layer the prism is a tetrahedron: its inner side is one node. */
 struct field_prism {
-    int nnode; /* 6 or 4 */
+    int nnode; /* number of nodes: 6 or 4 */
     const double *node[6];
     int sign; /* 1 when the outer nodes run counterclockwise seen from outside, else -1 */
 };
@@ -63,7 +63,7 @@ static const int field_tetrahedron[3][4] = {{0, 1, 2, 3}, {0, 1, 4, 3}, {0, 5, 4
 enum error_code field_make(const struct solid *solid, const char *name, struct arena *arena,
                            struct field *field, struct error *error);
 
-/* Puts two numbers in order; -1 when they were not. RT-safe. */
+/* Sorts two numbers. Returns -1 if it exchanged them, else 1. RT-safe. */
 static inline int field_sort_two(int *a, int *b)
 {
     int t = *a;
@@ -76,7 +76,7 @@ static inline int field_sort_two(int *a, int *b)
     return -1;
 }
 
-/* Finds the nodes of the prism of a cell, ordered by the numbers of their vertices. RT-safe. */
+/* Finds the nodes of the prism of a cell, sorted by their vertices. RT-safe. */
 static inline void field_find_prism(const struct field *field, int cell, struct field_prism *out)
 {
     const int nface = (int)field->solid->nface, layer = cell / nface;

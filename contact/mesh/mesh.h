@@ -39,7 +39,7 @@ struct mesh {
     const int (*face)[3];
 };
 
-/* What can be wrong with a surface, in the order in which mesh_check looks for it. */
+/* Faults of a surface, in the order in which mesh_check tests for them. */
 enum mesh_fault {
     MESH_SOUND,
     MESH_EMPTY,
@@ -60,11 +60,11 @@ struct mesh_finding {
     enum mesh_fault fault;
     size_t face, other_face; /* first faulty face and its counterpart */
     int corner;              /* corner of face where the fault begins */
-    int vertex[2];           /* the edge; for a vertex, vertex[0] */
+    int vertex[2];           /* the faulty edge; a faulty vertex is vertex[0] */
 };
 
-/* Finds the first fault of a surface: a sound surface is closed and orientable, has two faces per
- * edge and one fan of faces per vertex, no degenerate face, and normals that point outward.
+/* Finds the first fault of a surface. A sound surface is closed and orientable. It has two faces
+ * per edge, one fan of faces per vertex, no degenerate face, and normals that point outward.
  * Several separate closed pieces are sound. The only error is ERROR_MEMORY, for scratch memory on
  * the heap. */
 enum error_code mesh_check(const struct mesh *mesh, struct mesh_finding *finding,
@@ -99,7 +99,7 @@ enum error_code mesh_read_obj_text(const char *name, const char *text, size_t si
 struct mesh *mesh_alloc(const char *name, size_t nvertex, size_t nface, struct arena *arena,
                         double (**vertex)[3], int (**face)[3], struct error *error);
 
-/* Copies a mesh into the arena, in the same way. */
+/* Copies a mesh into the arena. Returns NULL and sets ERROR_MEMORY without room. */
 const struct mesh *mesh_copy(const struct mesh *mesh, struct arena *arena, struct error *error);
 
 /* Makes an axis-aligned box about the origin. Each side has cells x cells rectangles of two

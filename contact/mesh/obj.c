@@ -154,7 +154,7 @@ static enum error_code obj_read_number(const struct obj_reader *r, const struct 
 
 /* ---- vertices ---- */
 
-/* Reads `x y z [1]`, the rest of a vertex statement. place: of its keyword. */
+/* Reads `x y z [1]`, the rest of a vertex statement. place: position of the keyword in the file. */
 static enum error_code obj_read_vertex(struct obj_reader *r, struct obj_place place)
 {
     static const char *const expected[] = {"a finite decimal number for x (m)",
@@ -280,7 +280,7 @@ static const double *obj_polygon_corner(const struct obj_reader *r, size_t i)
     return r->surface->vertex[r->polygon[i % r->ncorner]];
 }
 
-/* Checks that a polygon is flat and convex; only then a fan of triangles covers it exactly
+/* Checks that a polygon is flat and convex. Otherwise a fan of triangles would not cover it exactly
  * once. */
 static enum error_code obj_check_polygon(const struct obj_reader *r, struct obj_place place)
 {
@@ -341,8 +341,8 @@ static enum error_code obj_check_polygon(const struct obj_reader *r, struct obj_
     return ERROR_NONE;
 }
 
-/* Reads the corners of a face statement and splits the polygon into a fan of triangles. place: of
- * its keyword. */
+/* Reads the corners of a face statement and splits the polygon into a fan of triangles. place:
+ * position of the keyword in the file. */
 static enum error_code obj_read_face(struct obj_reader *r, struct obj_place place)
 {
     struct obj_surface *s = r->surface;
@@ -407,7 +407,7 @@ static enum error_code obj_read_statement(struct obj_reader *r)
         return obj_read_face(r, token.place);
     }
 
-    /* Accepted statements without shape */
+    /* Accepts statements that define no shape */
     for (size_t i = 0; i < ARRAY_COUNT(known) && !accepted; i++) {
         accepted = token.length == strlen(known[i]) && !strcmp(keyword, known[i]);
     }
@@ -452,7 +452,7 @@ enum error_code obj_read(const char *name, const char *text, size_t size,
     while (r.at < size && !code) {
         code = obj_read_statement(&r);
 
-        /* Skips the rest of a statement without shape */
+        /* Skips the rest of a statement that defines no shape */
         while (!code && obj_next_token(&r).length > 0) {
         }
         if (!code && r.at < size) {

@@ -16,7 +16,7 @@ struct obj_place {
     size_t line, column;
 };
 
-/* What a reader accepts. */
+/* Options of the reader. */
 struct obj_rules {
     size_t max_vertices, max_faces;
     /* accept only flat convex polygons; refuse vertex colors and unknown statements */

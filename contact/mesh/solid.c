@@ -54,7 +54,7 @@ static enum error_code solid_make_faces(struct solid_builder *b, struct solid *s
     return ERROR_NONE;
 }
 
-/* Computes the pseudonormals of vertices, which tell inside from outside if a vertex is the
+/* Computes the pseudonormals of vertices. They give the sign of the distance where a vertex is the
  * nearest point. A convex solid uses its planes instead. */
 static enum error_code solid_make_vertex_normals(struct solid_builder *b, struct solid *s)
 {
@@ -113,8 +113,8 @@ static enum error_code solid_make_neighbors(struct solid_builder *b, struct soli
 
 /* ---- planes of a convex solid ---- */
 
-/* Checks whether no vertex is outside any facet's plane; returns false for solids with many
- * facets. */
+/* Checks whether all vertices are behind the planes of all facets, within rounding. Returns false
+ * for solids with many facets. */
 static bool solid_is_convex(const struct solid_builder *b, const struct solid *s)
 {
     if (s->nfacet > CONVEX_FACETS) {

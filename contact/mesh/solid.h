@@ -22,8 +22,8 @@
 
 #define FACET_POWERS 6 /* rows and columns of struct facet_moments */
 
-/* Number of entries of an outline: from each corner, and from the entry after it, SOLID_LANES
- * entries can be read at once. */
+/* Number of entries of an outline with `count` corners. The padding allows loading SOLID_LANES
+ * entries from each corner on, and from the entry after it. */
 #define FACET_OUTLINE(count) (((count) + SOLID_LANES - 1) / SOLID_LANES * SOLID_LANES + SOLID_LANES)
 
 /* A convex flat polygon of the surface. */
@@ -33,23 +33,23 @@ struct facet {
     double normal[3];  /* outward, unit */
     double offset;     /* dot product of normal and any point of the facet */
     double center[3];  /* centroid */
-    double radius;     /* of the smallest circle about the center that contains the facet */
-    double inradius;   /* of the largest circle about the center inside the facet */
+    double radius;     /* smallest circle about the center that contains the facet */
+    double inradius;   /* largest circle about the center inside the facet */
     double area;       /* m2 */
-    int point, npoint; /* its quadrature points; a triangle has none */
+    int point, npoint; /* first quadrature point and number; 0 for a triangle */
     /* Parts of an edge for quadrature: 2 for a large facet with few corners, else 1. Any number
      * integrates linear functions exactly. Friction on a spinning square face has an error of 0.8
      * % with 1 part and 0.06 % with 2. */
     int parts;
     double axis[2][3]; /* axes of its plane, right-handed with the normal */
-    int outline;       /* its corners along the axes, relative to the center; not for a triangle */
-    int moments;       /* its row of solid->moments; -1 = none, because it has few points */
+    int outline;       /* first corner in solid->outline; not for a triangle */
+    int moments;       /* row in solid->moments; -1 = none, because it has few points */
 };
 
 /* Integrals over a facet of all products of two of the functions 1, x, y, xx, xy and yy. x and y
  * are coordinates along its axes from its center. */
 struct facet_moments {
-    double of[FACET_POWERS][FACET_POWERS]; /* symmetric; m2 and up */
+    double of[FACET_POWERS][FACET_POWERS]; /* symmetric; m2 to m6 */
 };
 
 /* Rows of solid->plane: a normal and its offset. */
@@ -89,9 +89,10 @@ struct solid {
 };
 
 /* Computes the q-th of three quadrature points in a small triangle. Each edge of the original
- * triangle is divided into parts of relative length part, which gives equal small triangles. The
- * small triangle is number `at` of the 2/part - 2 row - 1 in its row; every other one is inverted.
- * Output: s and t, the point's coordinates along the two edges from the first corner. RT-safe. */
+ * triangle is divided into parts of relative length part, which gives equal small triangles in
+ * rows. Row `row` has 2/part - 2 row - 1 of them; every other one is inverted. at: number of the
+ * small triangle in its row. Output: s and t, the point's coordinates along the two edges from the
+ * first corner. RT-safe. */
 static inline void triangle_find_point(double part, int row, int at, int q, double *s, double *t)
 {
     const int flip = at % 2;
@@ -115,7 +116,7 @@ enum triangle_feature {
 /* The nearest point of the surface. */
 struct solid_nearest {
     int face;
-    enum triangle_feature feature; /* on that face */
+    enum triangle_feature feature; /* part of that face */
     double point[3];
     double distance2; /* squared */
     bool inside;      /* whether the query point is inside, judged by the nearest face only */
@@ -129,9 +130,9 @@ enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct 
 /* Finds the point of one face nearest to p. RT-safe. */
 void solid_nearest_of_face(const struct solid *solid, int face, const double p[3], double out[3]);
 
-/* Finds the surface point nearest to p with a squared distance less than limit2. Of several
- * equally near points it takes the one whose face p is most directly above. Returns false if there
- * is none. RT-safe; visits each face in the worst case. */
+/* Finds the surface point nearest to p with a squared distance less than limit2. Of equally near
+ * points, it takes the point on the face above which p is highest. Returns false if there is none.
+ * RT-safe; visits each face in the worst case. */
 bool solid_find_nearest(const struct solid *solid, const double p[3], double limit2,
                         struct solid_nearest *nearest);
 

@@ -156,7 +156,7 @@ bool solid_find_nearest(const struct solid *solid, const double p[3], double lim
     return nearest->face >= 0;
 }
 
-/* Computes the pseudonormal at the nearest point, which tells inside from outside. */
+/* Computes the pseudonormal at the nearest point, which gives the sign of the distance. */
 static void solid_pseudonormal(const struct solid *s, int face, enum triangle_feature feature,
                                double out[3])
 {

@@ -13,14 +13,14 @@
 #include <string.h>
 
 #define COPLANAR 1e-9  /* largest sine of the angle, and relative height, within one plane */
-#define FEW 16         /* up to so many corners, a large facet is cut finer */
+#define FEW 16         /* a large facet with more corners is not cut finer */
 #define LARGE 0.15     /* smallest radius of a large facet, relative to the solid's size */
-#define MANY_POINTS 24 /* with fewer points, adding springs is as fast as moments */
+#define MANY_POINTS 24 /* a facet with fewer points needs no moments: springs are as fast */
 #define IN_LINE 1e-12  /* largest relative bulge of a corner that counts as straight */
 
 /* ---- planes ---- */
 
-/* Checks whether a face is in the plane of the seed face, with the same outside. */
+/* Checks whether a face is in the plane of the seed face and has the same outward direction. */
 static bool face_is_in_plane(const struct solid_builder *b, int seed, int face)
 {
     const double *n = b->normal[seed], *base = mesh_corner(b->mesh, seed, 0);
@@ -39,7 +39,7 @@ static bool face_is_in_plane(const struct solid_builder *b, int seed, int face)
     return true;
 }
 
-/* Collects in member the connected faces in the plane of a seed; returns their number. */
+/* Lists the connected faces in the plane of a seed in b->member. Returns their number. */
 static int plane_gather_faces(struct solid_builder *b, int seed)
 {
     int n = 0;
@@ -72,7 +72,7 @@ static double corner_bulge(const double a[3], const double b[3], const double c[
     return vec3_dot(x, n) / (vec3_norm(ac) + DBL_MIN);
 }
 
-/* Links the rim of a plane, the edges between its n faces and other faces: sets next of each
+/* Links the rim of a plane: the edges between its n faces and other faces. Sets b->next of each
  * vertex on the rim. Returns the number of edges, or -1 if the rim touches itself. start: first
  * vertex of the rim. */
 static int plane_link_rim(struct solid_builder *b, int n, int seed, int *start)
@@ -101,7 +101,7 @@ static int plane_link_rim(struct solid_builder *b, int n, int seed, int *start)
     return rim;
 }
 
-/* Follows a rim of `rim` edges once around and collects in loop the corners that are not in line.
+/* Follows a rim of `rim` edges once around. Lists the corners that are not in line in b->loop.
  * Returns their number, or 0 if the rim has several loops or too many corners. */
 static int plane_walk_rim(struct solid_builder *b, int rim, int seed, int start)
 {
@@ -124,7 +124,7 @@ static int plane_walk_rim(struct solid_builder *b, int rim, int seed, int start)
     return at == start ? count : 0;
 }
 
-/* Finds the corners of the rim of a plane's n faces, in loop. Returns their number, or 0 if the
+/* Finds the corners of the rim of a plane's n faces, in b->loop. Returns their number, or 0 if the
  * rim is not one loop or has too many corners. */
 static int plane_find_loop(struct solid_builder *b, int n, int seed)
 {
@@ -163,7 +163,7 @@ static bool loop_is_convex(const struct solid_builder *b, int count, int seed)
         vec3_cross(come, go, x);
         turned += portable_atan2(vec3_dot(x, b->normal[seed]), vec3_dot(come, go));
     }
-    return count >= 3 && turned < 7; /* 2 pi, not 4 pi */
+    return count >= 3 && turned < 7; /* one turn (2 pi), not two */
 }
 
 /* ---- facets ---- */

@@ -9,7 +9,7 @@
 
 #include "contact/mesh/solid.h"
 
-#define CONVEX 1e-5 /* largest relative height by which a corner may dent its neighborhood */
+#define CONVEX 1e-5 /* largest relative height of a dent that counts as convex */
 
 struct solid_builder {
     const struct mesh *mesh;
@@ -25,9 +25,9 @@ struct solid_builder {
     size_t nfacet, nring;
 
     /* On the heap */
-    int *group;       /* of each face: the seed of its plane, or -1 */
+    int *group;       /* by face: seed face of its plane, or -1 */
     int *member;      /* faces of the plane that becomes a facet */
-    int *next;        /* of each vertex on the plane's rim: the vertex after it, or -1 */
+    int *next;        /* by vertex: the next vertex on the plane's rim, or -1 */
     int *ring_vertex; /* the mesh's vertex at each corner in ring */
 
     int loop[FACET_MAX_VERTICES]; /* corners of the plane's rim */
@@ -43,14 +43,15 @@ static inline const double *mesh_corner(const struct mesh *mesh, int face, int i
     return mesh->vertex[mesh->face[face][i]];
 }
 
-/* Finds the facets, from faces with normals and neighbors. */
+/* Finds the facets. The faces must have normals and neighbors. */
 enum error_code solid_make_facets(struct solid_builder *b, struct solid *s);
 
 /* Computes the quadrature points of facets that have more than one triangle. Points of single
  * triangles are computed on demand; they would fill the memory for a large terrain. */
 enum error_code solid_make_points(struct solid_builder *b, struct solid *s);
 
-/* Computes the corners of the same facets along the axes of their planes, and their moments. */
+/* Computes, for facets with more than one triangle, the corners along the axes of their planes, and
+ * the moments. */
 enum error_code solid_make_outlines(struct solid_builder *b, struct solid *s);
 enum error_code solid_make_moments(struct solid_builder *b, struct solid *s);
 

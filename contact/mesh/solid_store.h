@@ -34,7 +34,8 @@ enum error_code solid_store_read_obj(const char *path, struct arena *arena,
 enum error_code solid_store_find(const struct mesh *mesh, struct arena *arena,
                                  const struct solid **solid, struct error *error);
 
-/* Returns the field of a solid in the same way. */
+/* Returns the stored field of a solid. If the store is closed or full, makes a field in arena. The
+ * only error is ERROR_MEMORY. */
 enum error_code solid_store_find_field(const struct solid *solid, const char *name,
                                        struct arena *arena, const struct field **field,
                                        struct error *error);

@@ -9,7 +9,7 @@
 
 struct tree_builder {
     const struct box *box;
-    double (*middle)[3]; /* of each item's box, times two */
+    double (*middle)[3]; /* twice the middle of each item's box */
     struct tree_node *node;
     int *item;
     int nnode, leaf;
@@ -32,7 +32,7 @@ static void tree_swap_items(int *x, int *y)
     *y = t;
 }
 
-/* Orders item[first..last] only so far that the median is in its place (quickselect). */
+/* Partially sorts item[first..last] so that the median is in its place (quickselect). */
 static void tree_put_median(struct tree_builder *b, int axis, int first, int last)
 {
     const int middle = first + (last - first) / 2;
@@ -65,7 +65,7 @@ static void tree_put_median(struct tree_builder *b, int axis, int first, int las
     }
 }
 
-/* Returns the axis along which the middles of the items spread most. */
+/* Returns the axis along which the middles of the items' boxes are most spread out. */
 static int tree_find_axis(const struct tree_builder *b, const int *item, int count)
 {
     struct box middles = box_of_point(b->middle[item[0]]);
@@ -82,7 +82,7 @@ static int tree_find_axis(const struct tree_builder *b, const int *item, int cou
     return axis;
 }
 
-/* Makes the node over count items from first on, and its subtree. */
+/* Makes the node over count items from first on, and all nodes below it. */
 static void tree_split(struct tree_builder *b, int first, int count)
 {
     struct tree_node *node = &b->node[b->nnode++];

@@ -36,7 +36,7 @@ struct tree_node {
     struct box box;
     int first,
         count; /* a leaf's items are item[first] to item[first + count - 1]; inner: count 0 */
-    /* nodes of its subtree, itself included; its children are node + 1 and node + 1 +
+    /* nodes of its subtree, including itself; its children are node + 1 and node + 1 +
      * node[1].size */
     int size;
 };
@@ -48,7 +48,7 @@ struct tree {
     size_t nnode;
 };
 
-/* Returns the place behind the last node. RT-safe. */
+/* Returns the address after the last node. RT-safe. */
 static inline const struct tree_node *tree_end(const struct tree *tree)
 {
     return tree->node + tree->nnode;
@@ -63,8 +63,8 @@ enum error_code tree_build(const struct box *boxes, size_t n, int leaf, struct a
  * of all items under node i. Not RT-safe. */
 void tree_cover(const struct tree *tree, const struct box *boxes, struct box *out);
 
-/* Writes the items whose leaf's box meets the box, in the tree's order, and stops at max. Returns
- * how many. RT-safe. */
+/* Lists the items of all leaves whose box meets `box`, in the tree's order; stops at max. Returns
+ * their number. RT-safe. */
 size_t tree_collect(const struct tree *tree, const struct box *box, int *list, size_t max);
 
 /* ---- boxes; RT-safe ---- */

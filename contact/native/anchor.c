@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The anchor of sticking friction and its play (a play operator: it moves only as far as needed to
- * stay within a distance). A rocking body moves the centroid of its contact area and the mean
- * normal back and forth. The anchor stays in place meanwhile, so this is no sliding. The state is
- * the radius times point and axis. So a fading anchor keeps its place, and a new one starts at the
- * area.
+ * The anchor of sticking friction and its play. It is a play operator: it moves only as far as
+ * needed to stay within a distance. When a body rocks, the centroid of its contact area and the
+ * mean normal move back and forth. Meanwhile the anchor stays in place, so rocking causes no
+ * sliding. The state is the radius times point and axis. So a fading anchor keeps its place, and a
+ * new one starts at the contact area.
  */
 #include "contact/native/anchor.h"
 
@@ -14,7 +14,7 @@
 #include <math.h>
 
 #define RADIUS_MOST 1.25       /* largest radius of the anchor over the radius of the area */
-#define HEIGHT_MOST (1.0 / 64) /* largest height over the radius: friction acts in the surface */
+#define HEIGHT_MOST (1.0 / 64) /* largest distance along the normal, over the radius */
 #define TILT_MOST (1.0 / 16)   /* largest sine of the angle between axis and normal */
 
 bool native_anchor_read(const double y[CONTACT_BRISTLE], struct native_anchor *anchor)

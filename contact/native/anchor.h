@@ -25,8 +25,8 @@ bool native_anchor_read(const double y[CONTACT_BRISTLE], struct native_anchor *a
 /* Writes the anchor to a bristle state; shear and twist are unchanged. */
 void native_anchor_write(const struct native_anchor *anchor, double y[CONTACT_BRISTLE]);
 
-/* Drags an anchor to within its play about the area in touch (centroid, mean normal and RMS
- * radius, same frame). Returns whether it moved. */
+/* Drags an anchor until it is within its play about the contact area (touch: centroid, mean normal
+ * and RMS radius in the same frame). Returns whether it moved. */
 bool native_anchor_drag(const struct native_anchor *touch, struct native_anchor *anchor);
 
 #endif

@@ -19,8 +19,8 @@
 
 #define PI 3.14159265358979323846
 #define MEAN_LEVER (8.0 / 15) /* mean lever of a paraboloid of pressure, over its radius */
-#define UPRIGHT 1e-6          /* cosine of an axis against a plane that counts as 0 */
-#define PARALLEL 1e-12        /* square of the sine between axes that counts as 0 */
+#define UPRIGHT 1e-6          /* a smaller cosine between axis and plane counts as 0 */
+#define PARALLEL 1e-12        /* a smaller squared sine between axes counts as 0 */
 
 #define PIECES 3         /* pieces of an axis between kinks of the distance */
 #define FOOT_STANDS 1e-9 /* cosine between axes below which the nearest point does not move */
@@ -34,20 +34,20 @@ static const double piece_weight[PIECE_POINTS] = {0.01676846244060247, 0.1522780
                                                   0.3309534965921085,  0.3309534965921086,
                                                   0.1522780409672891,  0.01676846244060247};
 
-/* An axis and the other axis near it, in the frame of the first capsule. */
+/* An axis (own) and the axis of the other capsule (other), in the frame of the first capsule. */
 struct axis_couple {
     const double *direction, *other; /* unit directions of the own and the other axis */
     double half, other_half;
-    double between[3]; /* from the other's center to the own center */
+    double between[3]; /* from the other axis's center to the own center */
     double reach;      /* sum of the radii, m; for the backing, minus the layers */
     double round;      /* relative radius */
-    double low, high;  /* range of the own line within reach of the other axis */
+    double low, high;  /* part of the own line within reach of the other axis */
     bool is_first;     /* the own axis belongs to the first capsule */
     double radius;     /* radius of the first capsule */
 };
 
-/* Widens the range low to high by the parameters s of the own line with |w + s u|^2 = limit2, if
- * the nearest point (foot) on the other axis is within bound of its center. */
+/* Widens the range [low, high] by the parameters s of the own line with |w + s u|^2 = limit2. Each
+ * counts only if the nearest point (foot) on the other axis is within bound of its center. */
 static void couple_add_crossing(struct axis_couple *c, const double w[3], const double u[3],
                                 double limit2, double bound)
 {
@@ -75,7 +75,7 @@ static void couple_find_range(struct axis_couple *c)
 {
     double limit2 = c->reach * c->reach, w[3], u[3];
 
-    /* Through the spheres at the ends */
+    /* Crossings with the spheres at the ends */
     c->low = HUGE_VAL;
     c->high = -HUGE_VAL;
     for (int end = -1; end <= 1; end += 2) {
@@ -83,7 +83,7 @@ static void couple_find_range(struct axis_couple *c)
         couple_add_crossing(c, w, c->direction, limit2, HUGE_VAL);
     }
 
-    /* Through the side, perpendicular to the other axis */
+    /* Crossings with the side, measured perpendicular to the other axis */
     vec3_add_scaled(c->between, -vec3_dot(c->between, c->other), c->other, w);
     vec3_add_scaled(c->direction, -vec3_dot(c->direction, c->other), c->other, u);
     if (vec3_dot(u, u) > PARALLEL) {
@@ -91,8 +91,8 @@ static void couple_find_range(struct axis_couple *c)
     }
 }
 
-/* Adds the spring of a point of the own axis at s from its center, for a piece of this length or
- * for a number of ends. */
+/* Adds the spring of a point of the own axis at s from its center: for a piece of the axis with
+ * this length, or for `ends` ends. */
 static void couple_add_spring(const struct axis_couple *c, double s, double length, int ends,
                               double stiffness, double share, struct native_batch *b,
                               struct native_sum *sum)
@@ -134,7 +134,7 @@ static void couple_add_spring(const struct axis_couple *c, double s, double leng
         b->p[k][b->n] = at - (c->radius - share * depth) * sign * to[k];
     }
     b->force[b->n] = force;
-    b->depth[b->n] = depth * (ends ? 2.0 / 3 : 0.8); /* twice the stored energy over the force */
+    b->depth[b->n] = depth * (ends ? 2.0 / 3 : 0.8); /* twice the stored energy, over the force */
     b->rate[b->n] = force / depth * (ends ? 2 : 1.5);
     b->n++;
     sum->depth = depth > sum->depth ? depth : sum->depth;
@@ -224,8 +224,8 @@ struct capsule_over_plane {
     /* stiffness of the law; share of the depth by which the capsule is compressed */
     double stiffness, share;
     double normal[3]; /* the plane's normal */
-    double axis[3];   /* downward */
-    /* downward direction in the slices, unit; zero if the axis is vertical */
+    double axis[3];   /* direction of the axis, downward */
+    /* unit direction in the slices that points downward; zero if the axis is vertical */
     double across[3];
     double sine, cosine;
     double low; /* height of the lower end of the axis */
@@ -255,8 +255,8 @@ static void capsule_add_slice(const struct capsule_over_plane *c, double along, 
     double down = !upright ? height / c->cosine : height > 0 ? radius : -radius;
     double chord = 0, area = PI * radius * radius, middle = 0, deep;
 
-    /* A segment of the disc, or all of it; middle: distance of the segment's center from the
-     * disc's */
+    /* Area of the slice below the plane: a segment of the disc, or the whole disc. middle: distance
+     * of the segment's center from the disc's center */
     if (down >= radius) {
         return;
     }
@@ -270,8 +270,8 @@ static void capsule_add_slice(const struct capsule_over_plane *c, double along, 
         return;
     }
 
-    /* Point of action: above the capsule's side by its share of the depth, so below the plane by
-     * the rest */
+    /* The point of action is above the capsule's side by the capsule's share of the depth, so it is
+     * below the plane by the rest */
     for (int k = 0; k < 3; k++) {
         b->p[k][b->n] =
             along * c->axis[k] + middle * c->across[k] + (c->share - 0.5) * deep * c->normal[k];
@@ -308,8 +308,8 @@ static void capsule_add_end(const struct capsule_over_plane *c, double side, str
     }
 }
 
-/* Adds four springs for a part below the plane that belongs to one sphere only, around its middle,
- * so that friction brakes a spinning capsule. */
+/* Adds four springs around the middle of the part below the plane, if this part belongs to one
+ * sphere only. So friction brakes a spinning capsule. */
 static void capsule_add_cap(const struct capsule_over_plane *c, struct native_batch *b,
                             struct native_sum *sum)
 {

@@ -8,7 +8,7 @@
 #include <float.h>
 #include <stdint.h>
 
-/* Walks around the polygon once (Sutherland, Hodgman 1974). */
+/* Clips in one walk around the polygon (Sutherland, Hodgman 1974). */
 void clip2d_side(const struct polygon2d *in, const double *side, struct polygon2d *out)
 {
     int n = 0;
@@ -47,7 +47,7 @@ static void triangle_outline(const struct facet *f, const double (*ring)[3], dou
     }
 }
 
-/* Finds the edges of an outline that have a polygon corner outside; bit i stands for edge i. */
+/* Finds the edges of an outline that have a corner of the polygon outside; bit i is edge i. */
 static uint64_t outline_find_cutting_edges(const double *x, const double *y, int n,
                                            const struct polygon2d *g)
 {
@@ -63,7 +63,7 @@ static uint64_t outline_find_cutting_edges(const double *x, const double *y, int
         }
         edges |= lanes_bits(outside) << i;
     }
-    return edges; /* no corner is outside an edge of length 0 */
+    return edges; /* edges of length 0 cut nothing */
 }
 
 /* Checks whether a polygon lies inside a circle about the facet's center. */

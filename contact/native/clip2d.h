@@ -14,8 +14,7 @@
  * Rounding may add corners where edges are in line; corners beyond this limit are dropped. */
 #define POLYGON_MAX (2 * FACET_MAX_VERTICES + 8)
 
-/* A polygon; counterclockwise seen against the facet's normal if its area or moments are
- * needed. */
+/* A polygon. Area and moments require counterclockwise corners, seen against the facet's normal. */
 struct polygon2d {
     int n;
     double x[POLYGON_MAX], y[POLYGON_MAX];
@@ -38,14 +37,14 @@ const struct polygon2d *clip2d_to_facet(const struct solid *solid, const struct 
 /* Writes the outline of a facet as a polygon. */
 void clip2d_outline(const struct solid *solid, const struct facet *facet, struct polygon2d *out);
 
-/* Computes the moments of a polygon of at least three corners; second moments only if `second`.
- * Without area, sets only twice. */
+/* Computes the moments of a polygon of at least three corners; second moments only if `second`. If
+ * the area is 0, sets only twice. */
 void clip2d_moments(const struct polygon2d *g, bool second, struct moments *m);
 
 /* Computes three points with the moments of a polygon up to the second. They integrate force and
  * moment of a linear depth exactly. They are L times the corners of an equilateral triangle about
- * the centroid; L L' is twice the matrix of mean squares about it. All lie inside a convex figure,
- * because the ellipse through them does (Kannan, Lovasz, Simonovits 1995). */
+ * the centroid, where L L' is twice the matrix of mean squares. In a convex polygon they are
+ * inside, because the ellipse through them is inside (Kannan, Lovasz, Simonovits 1995). */
 void clip2d_three_points(const struct moments *m, double x[3], double y[3]);
 
 #endif

@@ -60,9 +60,9 @@ static bool shape_is_mesh(enum contact_shape shape)
 /* penetration over radius at which the area of a curved surface is computed */
 #define NOMINAL_DEPTH 0.25
 
-/* Stiffness of bristles over the normal stiffness of the layers. The layers of rigs are softer
- * than the real soles: those of COMAN have 8.3e7 Pa/m, while rubber soles with a shear modulus of
- * 1 to 2 MPa, 3 to 5 mm thick, have 2e8 to 7e8 Pa/m in shear (docs/contact.md). */
+/* Stiffness of the bristles, relative to the normal stiffness of the layers. The layers in rigs are
+ * softer than real soles: COMAN's rig has 8.3e7 Pa/m. Rubber soles with a shear modulus of 1 to 2
+ * MPa, 3 to 5 mm thick, have 2e8 to 7e8 Pa/m in shear (docs/contact.md). */
 #define SHEAR_RATIO 5.0
 
 /* Returns the largest contact area of a surface on a flat one, m2: the largest side of its box;
@@ -108,7 +108,7 @@ static double pair_shear_stiffness(const struct contact_surface *a, const struct
                 surface_nominal_area(b, &surface[pair->surface[1]]));
 }
 
-/* Returns the rank by which two surfaces are ordered: mesh, capsule, sphere, half-space. */
+/* Returns the rank of a shape in a pair: mesh, capsule, sphere, half-space. */
 static int shape_rank(enum contact_shape shape)
 {
     return shape_is_mesh(shape)       ? 0
@@ -117,8 +117,8 @@ static int shape_rank(enum contact_shape shape)
                                       : 3;
 }
 
-/* Returns the kind of a pair of shapes in this order. meshes: the kind of two meshes by their law.
- * Against a mesh, a capsule is a mesh of facets, and the visitor in a pressure field. */
+/* Returns the kind of a pair whose shapes are in the order of their ranks. meshes: kind of a pair
+ * of two meshes. Against a mesh, a capsule is a mesh too: the visitor in a pressure field. */
 static enum native_pair_kind pair_find_kind(enum contact_shape a, enum contact_shape b,
                                             enum native_pair_kind meshes)
 {
@@ -190,7 +190,7 @@ static void pair_make(const struct contact_config *config, size_t index,
                                        (1 - share) * b->material.dissipation_s_per_m);
     }
 
-    /* Sticking friction: the surface of the anchor, and its place along the normal */
+    /* Sticking friction: the surface that holds the anchor, and its position along the normal */
     pair->onto = native_pair_is_one_way(pair) ? -pair->law.share[0]
                  : pair->kind == PAIR_FIELDS  ? pair->law.share[1]
                                               : 0;
@@ -278,7 +278,7 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
     const struct mesh *mesh = given->mesh;
     enum error_code code;
 
-    /* Its mesh */
+    /* Makes the mesh */
     if (given->shape == CONTACT_BOX) {
         code = mesh_box(given->half_extent_m, given->cells_per_edge, arena, &mesh, error);
         if (code != ERROR_NONE) {
@@ -293,7 +293,7 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
         s->solid = surface_find_solid(config, index, surface);
     }
 
-    /* Its solid, unless an earlier surface has made it */
+    /* Makes the solid, unless an earlier surface has made it */
     if (!s->solid) {
         code = solid_store_find(mesh, arena, &s->solid, error);
         if (code != ERROR_NONE) {
@@ -470,7 +470,7 @@ enum error_code contact_native_create(const struct contact_config *config, struc
     struct native_engine *e = engine_alloc(config, arena);
     enum error_code code = e ? ERROR_NONE : native_no_memory(error);
 
-    /* Surfaces, then the pairs of them */
+    /* Prepares the surfaces, then the pairs */
     for (size_t i = 0; !code && i < e->nsurface; i++) {
         code = surface_make(config, i, arena, e->surface, error);
     }
@@ -484,8 +484,8 @@ enum error_code contact_native_create(const struct contact_config *config, struc
         pair_make(config, i, e->surface, &e->pair[i]);
     }
 
-    /* Fields, which need the order of each pair's surfaces; working memory for the largest
-     * surface */
+    /* Makes the fields, which need the order of each pair's surfaces, and the working memory for
+     * the largest surface */
     code = fields_make(config, arena, e, error);
     code = code ? code : scratch_make(e, arena, error);
     if (!code) {

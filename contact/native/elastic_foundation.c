@@ -29,8 +29,8 @@
 #include <stdint.h>
 #include <string.h>
 
-/* A facet up to this size, relative to the smaller mesh, needs only three springs: a side with
- * four corners has them no closer to each other. */
+/* A facet up to this size, relative to the smaller mesh, has only three springs. A side with four
+ * corners has springs that are no closer to each other. */
 #define FINE 0.25
 
 /* Cosines of the angle between one normal and the opposite of the other. Facets with a cosine
@@ -42,15 +42,15 @@
 struct foundation_between {
     const struct solid *first, *second;
     const struct native_overlap *pair;
-    double reach; /* longest spring, m */
-    /* m; facets up to this radius have three springs with a facet of the other mesh */
+    double reach; /* length of the longest spring */
+    /* m; a facet up to this radius has three springs with each facet of the other mesh */
     double fine;
 };
 
 /* Two facets that face each other: a of the first mesh, b of the second; in the first's frame. */
 struct foundation_couple {
     const struct facet *a, *b;
-    const double (*ring)[3]; /* corners of the facet with fewer corners; b's if equal */
+    const double (*ring)[3]; /* corners of the facet with fewer corners; if equal, of b */
     double normal_b[3], center_b[3];
     double facing; /* -normal_a . normal_b, over FACING_NONE */
 };
@@ -296,7 +296,8 @@ static void foundation_add_couple(const struct foundation_between *m,
         foundation_add_around(m, &bed, common, &at, m->pair->law->stiffness * area);
     }
 
-    /* The deepest corner: for the backing, and for the patch's depth where springs count */
+    /* Finds the deepest corner, for the backing, and for the patch's depth where springs have
+     * weight */
     depth = 0;
     for (int i = 0; i < common->n; i++) {
         depth = fmax(depth, foundation_depth(&bed, common->x[i], common->y[i]));
@@ -314,8 +315,8 @@ static void foundation_add_couple(const struct foundation_between *m,
 
 /* ---- facets that face each other ---- */
 
-/* Computes the intersection of two boxes; returns false if it is empty. thin: lowered to its
- * smallest extent, m. */
+/* Computes the intersection of two boxes; returns false if it is empty. Reduces *thin to the
+ * smallest extent of the intersection, m. */
 static bool box_intersect(const struct box *a, const struct box *b, struct box *out, double *thin)
 {
     for (int k = 0; k < 3; k++) {
@@ -329,9 +330,9 @@ static bool box_intersect(const struct box *a, const struct box *b, struct box *
     return true;
 }
 
-/* Transforms facets of the second mesh into the first's frame: those that overlap the common box
- * (here in the first's frame, there in the second's) and have a part of it behind them. Returns
- * their number. */
+/* Transforms facets of the second mesh into the first's frame. Selects facets that overlap the
+ * common box and have a part of the box behind them. here, there: the box in the first's and in the
+ * second's frame. Returns their number. */
 static size_t meshes_view_second(const struct foundation_between *m, const struct box *here,
                                  const struct box *there)
 {
@@ -391,8 +392,8 @@ static const double (*view_facet_ring(const struct foundation_between *m, int i)
     return (const double(*)[3])view->corner + view->ring[i];
 }
 
-/* Finds the facets of the second mesh that face a facet of the first, as far as each reaches
- * behind the other's plane. Returns their number. reach: longest spring, m. */
+/* Finds the facets of the second mesh that face a facet of the first. Each of the two facets must
+ * reach behind the plane of the other. Returns their number. reach: longest spring, m. */
 static size_t view_find_facing(const struct native_view *view, size_t n, const struct facet *a,
                                double reach, int *found)
 {
@@ -412,7 +413,7 @@ static size_t view_find_facing(const struct native_view *view, size_t n, const s
             continue;
         }
 
-        /* Bounding circles near each other, each behind the other's plane */
+        /* Bounding circles near each other that both reach behind the other facet's plane */
         lanes radius = lanes_load(view->radius + at), near = a->radius + radius + reach;
         lanes x = lanes_load(view->center[0] + at) - center[0],
               y = lanes_load(view->center[1] + at) - center[1],
@@ -453,8 +454,8 @@ static void meshes_add_facet(const struct foundation_between *m, const struct fa
     }
 }
 
-/* Checks whether any facet of the first mesh is in the common box and has a part of it behind. If
- * not, the second mesh needs no view. */
+/* Checks whether a facet of the first mesh is in the common box and has a part of the box behind
+ * it. If none has, the second mesh needs no view. */
 static bool meshes_reach_first(const struct solid *first, const struct box *here)
 {
     const struct tree *tree = &first->facets;

@@ -30,7 +30,7 @@ struct facet_linear facet_below_plane_depth(const struct solid *solid, const str
     const double *x = solid->outline[0] + facet->outline, *y = solid->outline[1] + facet->outline;
     lanes most = {0}, least;
 
-    /* The padding with the first corner does not change the result */
+    /* The repeated first corner in the padding does not change the result */
     most += depth.center + depth.slope[0] * x[0] + depth.slope[1] * y[0];
     least = most;
     for (int i = 0; i < facet->count; i += LANES) {
@@ -45,8 +45,8 @@ struct facet_linear facet_below_plane_depth(const struct solid *solid, const str
     return depth;
 }
 
-/* Returns the speed at which the surfaces part, linear over the facet: (v + w x p) . n = v . n +
- * (n x w) . p. The extent of a spring along n does not change it. */
+/* Returns the separation speed of the surfaces, linear over the facet: (v + w x p) . n = v . n + (n
+ * x w) . p. The extent of a spring along n does not change it. */
 static struct facet_linear find_leaving(const struct facet *facet, const double n[3],
                                         const struct native_relative *relative)
 {
@@ -110,7 +110,7 @@ static void add_energies(const struct facet_moments *moments, const struct facet
     sum->power += c * power;
 }
 
-/* Adds one lane of the moments to those of a weight. */
+/* Adds one lane of the weights' moments to the moments of one weight. */
 static void add_lane(const double zeroth[LANES], const double first[3][LANES],
                      const double second[6][LANES], int lane, struct moments *m)
 {
@@ -123,7 +123,8 @@ static void add_lane(const double zeroth[LANES], const double first[3][LANES],
     }
 }
 
-/* Adds the moments of the weights in space, with springs at origin + x ax + y ay. */
+/* Transforms the moments of the weights to space and adds them. Springs are at origin + x ax + y
+ * ay. */
 static void add_in_space(const lanes weight[FACET_POWERS], const double origin[3],
                          const double ax[3], const double ay[3], const double n[3],
                          struct native_sum *sum)

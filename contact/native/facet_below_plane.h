@@ -22,9 +22,9 @@ struct facet_linear facet_below_plane_depth(const struct solid *solid, const str
                                             const double n[3], double height, double *deepest,
                                             double *shallowest);
 
-/* Adds the contribution of a facet completely below the plane to sum, for sticking friction.
- * pressure: spring stiffness per facet area, Pa/m. Returns false and adds nothing if some springs
- * might not push. */
+/* Adds the springs of a facet completely below the plane to sum, for sticking friction. pressure:
+ * spring stiffness per facet area, Pa/m. Returns false and adds nothing if some springs might not
+ * push. */
 bool facet_below_plane_gather(const struct solid *solid, const struct facet *facet,
                               const struct facet_linear *depth, const double n[3], double pressure,
                               const struct native_law *law, const struct native_relative *relative,

@@ -63,7 +63,7 @@ LANES_INLINE lanes friction_slope_bound(lanes v, const struct native_law *law)
 /* Springs with the relative velocity of the surfaces at them. */
 struct friction_spring {
     lanes p[3], d[3], u[3]; /* point, normal, sliding velocity of the first body */
-    lanes leaving;          /* velocity along d, at which the surfaces part */
+    lanes leaving;          /* separation speed along d */
     lanes force, normal;    /* elastic force; normal force with dissipation, never negative */
     lanes rate;             /* stiffness: change of the force with the depth, N/m */
 };
@@ -103,11 +103,11 @@ struct friction_bend {
     lanes square;    /* |g|^2 */
     lanes share;     /* alpha: the spring's share of the area */
     lanes limit;     /* l: Coulomb limit mu f_n/sqrt(s) */
-    lanes stiffness; /* the friction force is minus this times e */
+    lanes stiffness; /* friction force = -stiffness e */
 };
 
-/* Computes the bend of the bristles at the springs and their stiffness: alpha sqrt(s) while they
- * stick, less where a spring slides at its Coulomb limit. */
+/* Computes the bend and the stiffness of the bristles at the springs. The stiffness is alpha
+ * sqrt(s) while bristles stick, and less where a spring slides at its Coulomb limit. */
 LANES_INLINE void friction_find_bend(const struct friction_spring *s, const struct native_law *law,
                                      const struct sticking_patch *patch, struct friction_bend *out)
 {
@@ -116,7 +116,8 @@ LANES_INLINE void friction_find_bend(const struct friction_spring *s, const stru
     const double retarded = patch->delay_s * patch->root;
     lanes arm[3], g[3], size, speed, along, part;
 
-    /* Bend g = y_s + y_n n x (p - c)/r: one rigid motion for all, less its part along the spring */
+    /* Bend g = y_s + y_n n x (p - c)/r: one rigid motion for all springs, minus its component along
+     * the spring */
     for (int k = 0; k < 3; k++) {
         arm[k] = s->p[k] - c[k];
     }

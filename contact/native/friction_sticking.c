@@ -17,10 +17,10 @@
 
 #define DELAY_S 0.5e-3 /* t_d, retardation: damping over stiffness of the bristles */
 #define YIELD_S 0.5e-3 /* t_y, time constant of yielding and of relaxing */
-/* yielding starts at this part of the friction of sliding in that direction */
+/* yielding starts at this fraction of the sliding friction in the same direction */
 #define YIELD_FROM 0.998
 #define ALIGN_S 10e-3 /* time constant at which the shear turns into the plane of a tilted patch */
-enum { SCALE_STEPS = 6 };   /* Newton steps for the scale at which bristles begin to yield */
+enum { SCALE_STEPS = 6 };   /* Newton steps for the scale in patch_find_yield */
 #define SCALE_ACCURATE 1e-3 /* accuracy relative to YIELD_FROM */
 
 /* Range of the demand over the friction limit in which the force changes from the patch as a whole
@@ -36,8 +36,8 @@ struct slide {
 
 /* ---- sums over the springs of a pair ---- */
 
-/* The springs of a pair: in the batch, or computed again (lost) if the batch had no room or they
- * were not needed before. */
+/* The springs of a pair: in the batch, or computed again (lost) because the batch had no room or
+ * they were not needed before. */
 struct springs {
     struct native_engine *e;
     const struct native_pair *pair;
@@ -46,7 +46,7 @@ struct springs {
     bool lost;
 };
 
-/* Runs the sums requested in sum over all springs of the pair. */
+/* Computes the sums that `sum` requests over all springs of the pair. */
 static void springs_add(const struct springs *s, struct native_sum *sum)
 {
     struct native_batch *batch = &s->e->scratch->batch;
@@ -66,8 +66,8 @@ static void springs_add(const struct springs *s, struct native_sum *sum)
     native_law_sum(batch, &s->pair->law, s->relative, sum);
 }
 
-/* Computes the friction of each spring's bristles, up to its limit, and adds it to sum. If sum is
- * NULL, only fills held, most and open of the patch. */
+/* Computes the friction of each spring's bristles, up to the spring's limit, and adds it to sum. If
+ * sum is NULL, computes only held, most and open of the patch. */
 static void springs_hold(const struct springs *s, struct sticking_patch *patch,
                          struct native_sum *sum)
 {
@@ -98,8 +98,9 @@ static double moments_find_radius(const struct moments *m, const double c[3], co
     return square > 1e-12 * vec3_dot(c, c) + DBL_MIN ? sqrt(square) : 0;
 }
 
-/* Computes mean normal, center of pressure and stiffness of a patch (patch). Computes centroid,
- * normal and RMS radius of the area in touch (touch), the anchor that a new patch would get. */
+/* Computes mean normal, center of pressure and stiffness of a patch (patch). Also computes
+ * centroid, normal and RMS radius of the contact area (touch), which are the anchor of a new
+ * patch. */
 static void patch_find(const struct springs *s, const struct native_sum *sum,
                        struct sticking_patch *patch, struct native_anchor *touch)
 {
@@ -170,9 +171,9 @@ static void anchor_leave(const struct springs *s, struct native_anchor *anchor)
     }
 }
 
-/* Sets the patch's bristles on the anchor of the given state, dragged along with the area in touch
- * if it is outside its play, or on a new anchor if there is none. Fills the anchor state for this
- * anchor (kept) and for a new one (anew). */
+/* Sets the anchor of the patch's bristles: the anchor of the given state, dragged into its play
+ * about the contact area, or a new anchor if the state has none. Writes the states of this anchor
+ * (kept) and of a new anchor (anew). */
 static void patch_place_bristles(const struct springs *s, struct native_anchor touch,
                                  const double given[CONTACT_BRISTLE], struct sticking_patch *patch,
                                  double kept[CONTACT_BRISTLE], double anew[CONTACT_BRISTLE])
@@ -258,8 +259,8 @@ static double patch_find_yield(const struct springs *s, const struct sticking_pa
         return 1;
     }
 
-    /* part: held over most, the ratio of the friction at this scale to sliding friction. At scale
-     * 0 it is 0, with the slope of bristles below their limits */
+    /* Solves part = YIELD_FROM. part = held/most is the friction at a scale over the sliding
+     * friction. At scale 0 it is 0, and its slope is that without limits */
     slope = bristle_square(patch->bristle) / patch->most;
     for (int step = 0; step < SCALE_STEPS; step++) {
         scale += (YIELD_FROM - part) / slope;
@@ -279,7 +280,7 @@ static double patch_find_yield(const struct springs *s, const struct sticking_pa
     return scale;
 }
 
-/* ---- patches that hold as a whole ---- */
+/* ---- patches that stick as a whole ---- */
 
 /* Returns the coefficient of friction at a sliding speed, m/s; static at rest. It equals
  * friction_fall of friction.h plus the viscous part. */
@@ -292,9 +293,9 @@ static double law_find_coefficient(const struct native_law *law, double speed)
 }
 
 /* Returns the demand of contact.h: the friction of bristles e over the friction limit. It is 1 on
- * an ellipsoid that approximates the limit surface, the forces and moments at which the patch
- * slides (Howe, Cutkosky, Int. J. Robotics Research 15, 1996). INFINITY for a twist about a patch
- * that is a point. */
+ * an ellipsoid that approximates the limit surface: forces and moments at which the patch slides
+ * (Howe, Cutkosky, Int. J. Robotics Research 15, 1996). It is INFINITY for a twist of a patch that
+ * is a point. */
 static double patch_find_demand(const struct springs *s, const struct sticking_patch *patch,
                                 const struct slide *slide, const double e[BRISTLE_BENT])
 {
@@ -315,9 +316,9 @@ static double patch_find_demand(const struct springs *s, const struct sticking_p
     return sqrt(square) / (limit + DBL_MIN);
 }
 
-/* Adds a share of the friction force and moment of bristles e that hold as a whole: force at the
- * anchor's point c, moment about the twist axis. Returns their power, W, which bends the bristles
- * and is partly lost in their retardation. */
+/* Adds a share of the friction force and moment of bristles e, for the patch as a whole: the force
+ * at the anchor's point c, the moment about the twist axis. Returns their power, W. It bends the
+ * bristles and is partly lost in their retardation. */
 static double patch_add_whole(const struct sticking_patch *patch, const struct slide *slide,
                               const double e[BRISTLE_BENT], double share, struct native_sum *sum)
 {
@@ -346,7 +347,7 @@ static void patch_add_friction(const struct springs *s, const struct slide *slid
         e[k] = patch->bristle[k] + patch->delay_s * slide->rate[k];
     }
 
-    /* Demand of the bristles with and without damping; the larger one counts */
+    /* The demand is the larger one of those with and without damping */
     demand = fmax(patch_find_demand(s, patch, slide, e),
                   patch_find_demand(s, patch, slide, patch->bristle));
     patch->whole = 1 - native_ramp(demand, WHOLE_UNTIL, WHOLE_NEVER);
@@ -359,7 +360,7 @@ static void patch_add_friction(const struct springs *s, const struct slide *slid
         vec3_add_scaled(sum->force, 1 - patch->whole, apart.force, sum->force);
         vec3_add_scaled(sum->moment, 1 - patch->whole, apart.moment, sum->moment);
     } else {
-        /* The tangent of a patch that holds as a whole uses the gathered moments */
+        /* The tangent of a patch that sticks as a whole uses the gathered moments */
         patch->stiffness = sum->gather->stiffness;
         patch->damping = sum->gather->damping;
         patch->held = patch->most = patch->open = 0;
@@ -367,7 +368,7 @@ static void patch_add_friction(const struct springs *s, const struct slide *slid
     patch->power = power;
 }
 
-/* Returns whether the patch's bristles bear less friction than they yield at. Call it after
+/* Returns whether the friction of the patch's bristles is below the yield limit. Call it after
  * patch_add_friction. */
 static bool patch_is_firm(const struct sticking_patch *patch)
 {
@@ -483,8 +484,8 @@ static void bristle_list(struct contact_bristles *bristles, size_t pair)
 }
 
 /* Computes the rates of bristles y in the patch's plane without yielding: the rate from sliding,
- * and W x y_s. W is the spin about the normal of the surface that defines the normals, the surface
- * from which the anchor's place is seen. */
+ * plus W x y_s. W is the spin about the normal of the surface that defines the normals. The
+ * anchor's position is relative to this surface. */
 static void bend_bristles(const struct native_engine *e, const struct native_pair *pair,
                           const struct sticking_patch *patch, const struct slide *slide,
                           const double y[BRISTLE_BENT], double rate[BRISTLE_BENT])
@@ -499,8 +500,8 @@ static void bend_bristles(const struct native_engine *e, const struct native_pai
     vec3_add_scaled(rate, vec3_dot(patch->normal, spin), turn, rate);
 }
 
-/* Explicit integration: computes friction and rates of the bristles y, in the patch's plane, at
- * this moment. Returns their yield rate, 1/s. */
+/* Computes friction and rates of the bristles y, in the patch's plane, for explicit integration.
+ * Returns their yield rate, 1/s. */
 static double hold_now(const struct springs *s, const struct slide *slide,
                        const double y[BRISTLE_BENT], struct sticking_patch *patch,
                        struct native_sum *sum, double rate[BRISTLE_BENT])
@@ -511,8 +512,8 @@ static double hold_now(const struct springs *s, const struct slide *slide,
     patch->delay_s = patch->follow_s = DELAY_S;
     patch_add_friction(s, slide, patch, sum);
 
-    /* Yield is q of contact.h: above the friction limit (q_1), and if more would be stored than
-     * friction takes from the motion (q_2) */
+    /* Computes the yield rate q of contact.h: above the friction limit (q_1), and if the bristles
+     * would store more than the work of friction (q_2) */
     bend_bristles(s->e, s->pair, patch, slide, y, rate);
     gain = vec3_dot(y, rate) + y[BRISTLE_TWIST] * rate[BRISTLE_TWIST];
     if (patch->whole < 1) {
@@ -523,15 +524,15 @@ static double hold_now(const struct springs *s, const struct slide *slide,
         rate[k] -= yield * y[k];
     }
 
-    /* The part of the friction power that is not stored is dissipated */
+    /* The part of the friction power that the bristles do not store is dissipated */
     sum->potential += square / 2;
     sum->power += fmax(0, patch->power - gain + yield * square);
     return yield;
 }
 
-/* Implicit integration: computes the friction of the bristles y as they are in h seconds, and
- * their mean rate. The friction power that bounds the stored energy is taken before yielding.
- * Returns the yield rate, 1/s. */
+/* Computes the friction of the bristles y in h seconds, and their mean rate until then, for
+ * implicit integration. The friction power before yielding bounds the stored energy. Returns the
+ * yield rate, 1/s. */
 static double hold_ahead(const struct springs *s, const struct slide *slide, double h,
                          const double y[BRISTLE_BENT], struct sticking_patch *patch,
                          struct native_sum *sum, double rate[BRISTLE_BENT])
@@ -539,7 +540,7 @@ static double hold_ahead(const struct springs *s, const struct slide *slide, dou
     struct native_sum unyielding = *sum;
     double before = bristle_square(y), after, most, scale = 1;
 
-    /* Bends them for the whole time without yielding */
+    /* Bends the bristles for the whole time without yielding */
     bend_bristles(s->e, s->pair, patch, slide, y, rate);
     for (int k = 0; k < BRISTLE_BENT; k++) {
         patch->bristle[k] = y[k] + h * rate[k];
@@ -550,14 +551,14 @@ static double hold_ahead(const struct springs *s, const struct slide *slide, dou
     after = bristle_square(patch->bristle);
     patch_add_friction(s, slide, patch, &unyielding);
 
-    /* |y|^2 may grow by no more than twice the work of friction */
+    /* Limits the growth of |y|^2 to twice the work of friction */
     most = fmax(0, before + 2 * h * patch->power);
 
     if (patch->whole == 1 || (patch_is_firm(patch) && after <= most)) {
         *sum = unyielding;
     } else {
-        /* Scales them back to the friction limit, by an implicit step of the yield q_1, and to the
-         * energy bound */
+        /* Scales the bristles back to the friction limit, by an implicit step of the yield q_1, and
+         * to the energy bound */
         scale = (1 + h / YIELD_S * patch_find_yield(s, patch)) / (1 + h / YIELD_S);
         scale = after > most ? fmin(scale, sqrt(most / after)) : scale;
         for (int k = 0; k < BRISTLE_BENT; k++) {
@@ -574,7 +575,7 @@ static double hold_ahead(const struct springs *s, const struct slide *slide, dou
     return (1 - scale) / h;
 }
 
-/* Computes the rates that lead an anchor's state from given to kept and, as far as the bristles
+/* Computes the rates that lead an anchor's state from given to kept and, in proportion to the
  * yield, on to a new anchor (anew). yield: 1/s. */
 static void anchor_follow(const double given[CONTACT_BRISTLE], const double kept[CONTACT_BRISTLE],
                           const double anew[CONTACT_BRISTLE], double h, double yield,
@@ -614,8 +615,8 @@ void friction_sticking_add(struct native_engine *e, size_t index,
         return;
     }
 
-    /* Patch, anchor and sliding velocity; turns bristles into the first surface's frame and the
-     * patch's plane */
+    /* Computes patch, anchor and sliding velocity. Transforms the bristles into the first surface's
+     * frame and the patch's plane */
     patch_find(&springs, sum, patch, &touch);
     patch_place_bristles(&springs, touch, given, patch, kept, anew);
     slide_find(&springs, patch, &slide);
@@ -625,21 +626,21 @@ void friction_sticking_add(struct native_engine *e, size_t index,
     memcpy(moment, sum->moment, sizeof moment);
     shear_align(patch->normal, y);
 
-    /* Friction, now or after the time ahead; its own wrench is the difference */
+    /* Computes friction, now or after the time ahead. Its wrench is the change of the sum */
     h = bristles ? bristles->ahead_s : 0;
     yield = h > 0 ? hold_ahead(&springs, &slide, h, y, patch, sum, rate)
                   : hold_now(&springs, &slide, y, patch, sum, rate);
     vec3_sub(sum->force, force, patch->force);
     vec3_sub(sum->moment, moment, patch->moment);
 
-    /* The state turns into the plane too: within the time ahead, or in ALIGN_S */
+    /* Turns the state into the plane too: within the time ahead, or in ALIGN_S */
     along = vec3_dot(start, start);
     along = h > 0 || along < DBL_MIN ? 1 : vec3_dot(y, start) / along;
     for (int k = 0; k < 3; k++) {
         rate[k] += (y[k] - along * start[k]) / (h > 0 ? h : ALIGN_S);
     }
 
-    /* Rates of bristles and anchor, in the frames of their states */
+    /* Returns the rates of bristles and anchor, in the frames of their states */
     if (bristles && bristles->rate) {
         double *out = bristles->rate + CONTACT_BRISTLE * index;
 

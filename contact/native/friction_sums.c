@@ -30,9 +30,9 @@ static void find_weights(const struct native_batch *b, size_t start, size_t n, c
     const double leaving_at_0 = vec3_dot(relative->v, d), c = law->dissipation;
     const lanes zero = {0};
     lanes potential = zero, power = zero, elastic = zero;
-    double slope[3]; /* slope of the leaving velocity */
+    double slope[3]; /* gradient of the separation speed */
 
-    /* The leaving velocity (v + w x p) . d = v . d + (d x w) . p is linear in the place p */
+    /* The separation speed (v + w x p) . d = v . d + (d x w) . p is linear in the point p */
     vec3_cross(d, relative->w, slope);
     for (size_t i = 0; i < n; i += LANES) {
         const size_t at = start + i;
@@ -92,7 +92,8 @@ void friction_sums_gather(const struct native_batch *b, const struct native_law 
     for (size_t start = b->start; start < b->n; start += n) {
         const double *const p[3] = {b->p[0] + start, b->p[1] + start, b->p[2] + start};
 
-        /* Moments of normal force, of stiffness and damping for the tangent, and of area */
+        /* Computes the moments of normal force and area, and of stiffness and damping for the
+         * tangent */
         n = b->n - start < WEIGHTS_MAX ? b->n - start : WEIGHTS_MAX;
         find_weights(b, start, n, d, law, relative, &weights, sum);
         moments_add_springs(p, weights.normal, n, &normal);
@@ -105,8 +106,8 @@ void friction_sums_gather(const struct native_batch *b, const struct native_law 
 
 /* ---- friction ---- */
 
-/* keeps: adds the friction of the springs. Otherwise computes only its utilization (held, most,
- * open). keeps is a constant in each call, so that the compiler makes two loops. */
+/* Computes the utilization of the springs' friction (held, most, open). keeps: also adds the
+ * friction. keeps is a constant in each call, so that the compiler makes two loops. */
 LANES_INLINE void hold_springs(struct native_batch *b, const struct native_law *law,
                                const struct native_relative *relative, const bool keeps,
                                struct native_sum *sum)
@@ -125,7 +126,7 @@ LANES_INLINE void hold_springs(struct native_batch *b, const struct native_law *
         friction_load_spring(b, i, law, relative, &s);
         friction_find_bend(&s, law, patch, &bend);
 
-        /* Friction force against the bend, its moment and its power */
+        /* Adds the friction force opposite to the bend, its moment and its power */
         if (keeps) {
             lanes_store(bend.stiffness, b->held + i);
             for (int k = 0; k < 3; k++) {
@@ -138,7 +139,7 @@ LANES_INLINE void hold_springs(struct native_batch *b, const struct native_law *
             moment[2] -= s.p[0] * f[1] - s.p[1] * f[0];
         }
 
-        /* Utilization of the friction limit by the bristles without their damping */
+        /* Adds the utilization of the friction limit by the bristles without their damping */
         size = lanes_root(bend.square);
         bears = bend.share * size;
         below = lanes_less(bears, bend.limit);

@@ -30,17 +30,17 @@ struct sticking_patch {
     double axis[3];                 /* axis of the twist */
     double inverse_radius;          /* 1/r of the anchor; 0 for a point */
     double pressure[3];             /* center of pressure */
-    double inverse_pressure_radius; /* 1/r of the pressure about that center; 0 for a point */
+    double inverse_pressure_radius; /* 1/r_p of contact.h; 0 for a point */
     double inverse_normal;          /* 1/N */
     double inverse_area;            /* 1/(sum of the springs' rates) */
     double root;                    /* sqrt(s) */
     double reach;                   /* N/sqrt(s): bend at which bristles bear N */
     double bristle[BRISTLE_BENT];   /* shear y_s and twist y_n, J^0.5 */
     double delay_s;                 /* t_d: retardation (damping) included in the force */
-    double follow_s;                /* for tangents: damping over stiffness of the force */
+    double follow_s;                /* for tangents: damping over stiffness of the bristles */
     /* for tangents: time for which the velocity bends the bristles */
     double bend_s;
-    /* share of the friction that the patch bears as a whole; the springs bear the rest, each up to
+    /* share of the friction that the patch bears as a whole. The springs bear the rest, each up to
      * its own limit */
     double whole;
     double force[3], moment[3]; /* friction wrench on the first body about the frame's origin */
@@ -50,11 +50,12 @@ struct sticking_patch {
     /* keep the bristle stiffness in the batch, for tangents; otherwise compute only held, most and
      * open */
     bool keeps;
-    struct moments stiffness, damping; /* moments of struct native_gather, if whole is 1 */
+    struct moments stiffness, damping; /* moments from struct native_gather, if whole is 1 */
 };
 
 /* Adds normal force and energies of the springs from start on to sum, without friction, and the
- * sums for sticking friction to sum->gather, by the moments of the springs: all push one way. */
+ * sums for sticking friction to sum->gather. All springs must push one way; the sums follow from
+ * their moments. */
 void friction_sums_gather(const struct native_batch *batch, const struct native_law *law,
                           const struct native_relative *relative, struct native_sum *sum);
 
@@ -62,9 +63,8 @@ void friction_sums_gather(const struct native_batch *batch, const struct native_
  * moments of their normal forces. */
 void native_gather_add(const struct moments *normal, const double d[3], struct native_sum *sum);
 
-/* keeps: adds the sticking friction of the springs, each up to its Coulomb limit, to force and
- * moment, and power, held, most and open to sum->sticking. Otherwise computes only held, most and
- * open. */
+/* Computes held, most and open of sum->sticking. If its member keeps is set, also adds its power,
+ * and the sticking friction of the springs, each up to its Coulomb limit, to force and moment. */
 void friction_sums_hold(struct native_batch *batch, const struct native_law *law,
                         const struct native_relative *relative, struct native_sum *sum);
 

@@ -12,7 +12,7 @@
 #include <float.h>
 #include <string.h>
 
-#define FACING 0.5 /* cosine; facets that face the plane less need few springs at any size */
+#define FACING 0.5 /* cosine between normals; below it, a facet needs few springs */
 
 enum { DEPTH = 3 }; /* index of the fourth coordinate of a corner: its depth, m */
 
@@ -73,10 +73,10 @@ static double polygon_center(const struct polygon *g, const double normal[3], do
     return twice;
 }
 
-/* Adds the springs of a polygon: three in each part (parts: of struct facet) of each triangle
- * between the center (polygon_center's) and an edge, which integrates force and moment of a linear
- * depth exactly. pressure: elastic force per depth and projected area. share: distance from the
- * polygon to the point of action along d, relative to the depth. */
+/* Adds the springs of a polygon: three in each part (facet.parts) of each triangle between the
+ * center (from polygon_center) and an edge. They integrate force and moment of a linear depth
+ * exactly. pressure: elastic force per depth and projected area. share: distance from the polygon
+ * to the point of action along d, relative to the depth. */
 static void polygon_add_springs(const struct native_overlap *o, const struct polygon *g,
                                 const double center[4], const double normal[3], const double d[3],
                                 int parts, double pressure, double share)
@@ -126,7 +126,7 @@ static void half_space_add_facet_below(const struct native_overlap *o, const str
         int room, take = f->npoint - done;
         struct native_batch *b = &o->scratch->batch;
 
-        /* As many points at a time as the batch has room for */
+        /* Adds as many points at a time as the batch has room for */
         native_make_room(o, 8);
         room = (int)(BATCH_MAX - b->n);
         take = take < room ? take : room;
@@ -135,7 +135,8 @@ static void half_space_add_facet_below(const struct native_overlap *o, const str
             double x = solid->point[0][from], y = solid->point[1][from], z = solid->point[2][from];
             double depth = height - (n[0] * x + n[1] * y + n[2] * z);
 
-            /* From the facet toward the plane by its share of the depth */
+            /* The point of action is off the facet, toward the plane by the facet's share of the
+             * depth */
             b->p[0][to] = x + share * depth * n[0];
             b->p[1][to] = y + share * depth * n[1];
             b->p[2][to] = z + share * depth * n[2];
@@ -197,7 +198,7 @@ static void half_space_add_facet(const struct native_overlap *o, const struct fa
         return;
     }
 
-    /* A part is below: springs on the clipped part */
+    /* If a part is below, adds springs on the clipped part */
     if (shallowest < 0) {
         polygon_clip_depth(&whole, &cut);
         sunk = &cut;

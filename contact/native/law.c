@@ -26,9 +26,9 @@ static void batch_pad(struct native_batch *b)
 }
 
 /* Adds normal force, moment about the frame's origin, sums for the center of pressure, and energies
- * of the springs to sum. gathers: without friction, and with the sums of struct native_gather;
- * otherwise with regularized friction (contact.h). gathers is a constant in each call, so that the
- * compiler makes two loops. */
+ * of the springs to sum. gathers: adds the sums of struct native_gather, but no friction. Otherwise
+ * adds regularized friction (contact.h). gathers is a constant in each call, so that the compiler
+ * makes two loops. */
 LANES_INLINE void law_add_springs(const struct native_batch *batch, const struct native_law *law,
                                   const struct native_relative *relative, const bool gathers,
                                   struct native_sum *sum)
@@ -141,8 +141,8 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
     const double *center = sum->tangent->center;
     const double scale = law->us * law->transition_inverse;
     const lanes zero = {0};
-    const double apart =
-        sum->sticking ? 1 - sum->sticking->whole : 0; /* share that each spring bears by itself */
+    const double apart = sum->sticking ? 1 - sum->sticking->whole
+                                       : 0; /* share of friction that each spring bears by itself */
     const double follow = sum->sticking ? apart * sum->sticking->root * sum->sticking->follow_s : 0;
 
     out->n = b->n - start < RESISTANCE_MAX ? b->n - start : RESISTANCE_MAX;
@@ -152,8 +152,8 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
         struct friction_spring s;
         struct friction_bend bend;
 
-        /* Factor of the elastic force with dissipation, 0 if the surfaces part fast; and the
-         * damping of no, sticking or regularized friction. The stiffness of bristles is in the
+        /* Factor of the elastic force with dissipation (0 if the surfaces separate fast), and the
+         * damping of friction: none, sticking or regularized. The stiffness of bristles is in the
          * batch; it is computed again if the batch had no room */
         friction_load_spring(b, from, law, relative, &s);
         pushes = 1 - law->dissipation * s.leaving;
@@ -278,9 +278,9 @@ static void tangent_add_one_way(const struct resistance *by, const double d[3],
     tangent_add_along(1, &damping, d, tangent->D);
 }
 
-/* Adds the damping of sticking friction that each spring bears by itself to friction_D: in all
- * directions, minus the part along the normals. direction: the common normal of springs that push
- * one way (world frame). */
+/* Adds to friction_D the damping of sticking friction that the springs bear one by one: damping in
+ * all directions, minus its part along the normals. direction: the common normal of springs that
+ * push one way (world frame). */
 static void tangent_add_bristles(const struct resistance *by, bool one_way,
                                  const double direction[3], struct contact_tangent *tangent)
 {
@@ -321,8 +321,8 @@ static void law_add_tangents(const struct native_batch *b, const struct native_l
             tangent_add_row(&by, CONTACT_TURN_Z, sum->tangent);
         }
 
-        /* Damping of regularized friction, or of bristles that springs hold one by one;
-         * native_bristle_resist adds a patch that holds as a whole */
+        /* Adds the damping of regularized friction, or of springs that stick one by one.
+         * native_bristle_resist adds the damping of a patch that sticks as a whole */
         if (!sum->sticking) {
             find_moments(&by, by.friction, &friction);
             tangent_add_across(1, &friction, sum->tangent->D);

@@ -27,15 +27,15 @@ struct native_law {
     double share[2];
     double us, ud, uv;         /* static, dynamic, viscous friction; uv in s/m */
     double transition_inverse; /* 1/v_t of the friction law, s/m */
-    double hertz, hertz_share; /* E (two spheres, sphere and half-space), share of the first */
-    /* depth at which the layers end, m; stiffness added beyond it, Pa/m, 0 = none */
+    double hertz, hertz_share; /* E of Hertz's law, and share of the first surface */
+    /* depth at which the layers end, m; stiffness added beyond it, Pa/m (0 = none) */
     double layers, backing;
     double shear_root; /* root of the bristles' stiffness s, (N/m)^0.5 */
 };
 
 /* Relative pose and velocity of a pair, in the frame of the first surface. */
 struct native_relative {
-    double R[9], p[3]; /* rotation and origin of the second surface's frame in it */
+    double R[9], p[3]; /* pose of the second surface's frame in the first's */
     double w[3], v[3]; /* velocity of the first body against the second; v at the first's origin */
 };
 
@@ -45,7 +45,7 @@ struct native_relative {
 struct native_batch {
     size_t n;
     size_t start; /* first spring of the current pair */
-    /* there was no room for all springs; earlier ones are lost */
+    /* true: there was no room for all springs, and earlier ones are lost */
     bool full;
     _Alignas(64) double p[3][BATCH_MAX]; /* points of action */
     /* unit normal: direction in which the first body is pushed */
@@ -53,7 +53,7 @@ struct native_batch {
     _Alignas(64) double force[BATCH_MAX]; /* elastic, without dissipation, N */
     _Alignas(64) double depth[BATCH_MAX]; /* penetration, m */
     _Alignas(64) double rate[BATCH_MAX];  /* change of the force with the depth, N/m */
-    /* bristle stiffness with sticking friction: last friction force over the bend (struct
+    /* sticking friction only: the spring's last friction force over its bend (struct
      * friction_bend) */
     _Alignas(64) double held[BATCH_MAX];
 };
@@ -68,15 +68,15 @@ struct native_sum {
     double potential, power; /* stored (J), dissipated (W) */
     /* area in touch (m2), deepest penetration (m); updated by the narrow phase */
     double area, depth;
-    /* If not NULL, only the tangent is computed, not the sums above. Its directions are those of
-     * the world, by the rotation turn from the first frame; its center is in the first frame. */
+    /* If not NULL, computes only this tangent, not the sums above. Its directions are in the world
+     * frame; its center is in the first frame. turn: rotation from the first frame to the world. */
     struct contact_tangent *tangent;
     const double *turn;
     /* true: springs were gathered in closed form and are not in the batch */
     bool closed;
     bool one_way; /* all springs push in the same direction; needed with gather and tangent */
-    /* Only with sticking friction, else NULL: gather is set for the first pass without friction,
-     * sticking for the friction pass and the tangent. contact/native/friction_sums.h. */
+    /* NULL without sticking friction (contact/native/friction_sums.h). gather is set in the first
+     * pass, which has no friction. sticking is set in the friction pass and for the tangent. */
     struct native_gather *gather;
     struct sticking_patch *sticking;
 };
@@ -96,8 +96,8 @@ static inline void batch_add_spring(struct native_batch *b, const double p[3], c
     b->n++;
 }
 
-/* Adds the springs from start on to the sum, or to the tangent if it is set, and moves start
- * behind them. The order is fixed, so the same springs give the same bits. It depends on the
+/* Adds the springs from start on to the sum, or to the tangent if it is set. Then sets start to the
+ * end of the batch. The order is fixed, so the same springs give the same bits. It depends on the
  * number of lanes, which is the same for all instruction sets (contact/lanes.h). */
 void native_law_sum(struct native_batch *batch, const struct native_law *law,
                     const struct native_relative *relative, struct native_sum *sum);

@@ -22,7 +22,7 @@ static inline void moments_shift_second(const struct moments *m, const double c[
                                         double second[6])
 {
     const double w = m->zeroth, *s = m->first;
-    /* moment about c */
+    /* first moment about c */
     const double rest[3] = {s[0] - w * c[0], s[1] - w * c[1], s[2] - w * c[2]};
 
     second[0] = m->second[0] - c[0] * (s[0] + rest[0]);
@@ -33,7 +33,7 @@ static inline void moments_shift_second(const struct moments *m, const double c[
     second[5] = m->second[5] - c[2] * (s[2] + rest[2]);
 }
 
-/* Computes y = A x for a symmetric matrix A stored like second moments. */
+/* Computes y = A x for a symmetric matrix A = xx xy xz yy yz zz. */
 static inline void moments_apply_second(const double A[6], const double x[3], double y[3])
 {
     y[0] = A[0] * x[0] + A[1] * x[1] + A[2] * x[2];
@@ -78,7 +78,7 @@ static inline void tangent_add_directions(double zeroth, const double arm[3],
     }
 }
 
-/* T += scale sum w J'J with J = [d, r x d], d the same for all springs, from the moments of w. */
+/* T += scale sum w J'J with J = [d, r x d], from the moments of w. All springs have the same d. */
 static inline void tangent_add_along(double scale, const struct moments *m, const double d[3],
                                      double T[CONTACT_TANGENT_SIZE])
 {

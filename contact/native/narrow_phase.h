@@ -12,9 +12,9 @@
 #include "contact/native/law.h"
 #include "contact/mesh/field.h"
 
-/* Limits for the weight of a spring, by the distance of its middle to the nearest surface point of
- * either body over half its length. Below DEPTH_NONE the spring runs along the overlap instead of
- * across it and does not count. From DEPTH_FULL on it counts fully. */
+/* Weight of a spring, by the distance of its middle to the nearest surface of either body, over
+ * half of the spring's length. Below DEPTH_NONE the spring runs along the overlap instead of across
+ * it, and has no weight. From DEPTH_FULL on it has full weight. */
 #define DEPTH_NONE 0.25
 #define DEPTH_FULL 0.5
 
@@ -22,7 +22,7 @@
  * lanes. */
 struct native_view {
     double *normal[3], *center[3], *radius;
-    /* of each facet: index of its first corner in the array corner; -1 = not transformed yet */
+    /* by facet: index of its first corner in `corner`; -1 = not transformed yet */
     int *ring;
     double (*corner)[3]; /* counterclockwise */
     int ncorner;
@@ -31,8 +31,8 @@ struct native_view {
 /* Working memory of an evaluation. Only its springs are used after the call, for tangents. */
 struct native_scratch {
     struct native_batch batch;
-    int *list[2];            /* facets; each list has room for all faces of the largest mesh */
-    struct native_view view; /* the same room, and three corners per facet */
+    int *list[2];            /* lists of facets; each has room for the largest mesh */
+    struct native_view view; /* has room for the largest mesh, three corners per facet */
     size_t visits;           /* pairs of facet and field cell examined in this evaluation */
 };
 
@@ -78,9 +78,9 @@ enum native_pair_kind {
  * shapes of its kind. */
 struct native_overlap {
     const struct solid *solid[2];
-    /* the second is NULL if it is nowhere deeper than the first */
+    /* field[1] is NULL if the second is nowhere deeper than the first */
     const struct field *field[2];
-    struct native_capsule capsule[2]; /* or sphere; a half-space has an infinite radius */
+    struct native_capsule capsule[2]; /* also spheres; a half-space has an infinite radius */
     const struct native_law *law;
     double from; /* depth from which springs count, m */
     const struct native_relative *relative;
@@ -92,7 +92,8 @@ struct native_overlap {
  * is deeper, of their backing. law.c. */
 void native_overlap(enum native_pair_kind kind, const struct native_overlap *o);
 
-/* Makes room for n more springs: if the batch is full, adds up its springs first. */
+/* Makes room for n more springs. If the batch is full, adds its springs to the sum and empties
+ * it. */
 void native_make_room(const struct native_overlap *o, size_t n);
 
 /* Mesh on half-space: clips the facets at the plane. The part below has springs along the plane's
@@ -103,8 +104,8 @@ void native_overlap_half_space(const struct native_overlap *o);
  * sphere. sphere.c. */
 void native_overlap_sphere(const struct native_overlap *o);
 
-/* Two meshes by a pressure field: the depth of the first presses on facets of the second. Where
- * the second is deeper than the first is anywhere, its depth presses on facets of the first.
+/* Two meshes by a pressure field: the depth in the first presses on facets of the second. Where the
+ * second's depth exceeds the first's largest depth, it presses on facets of the first.
  * pressure_field.c. */
 void native_overlap_fields(const struct native_overlap *o);
 

@@ -94,8 +94,8 @@ void native_place_fixed_surfaces(struct native_engine *e)
     }
 }
 
-/* Computes the poses of a pair's two surfaces, unless an earlier pair of this evaluation has done
- * so. */
+/* Computes the poses of a pair's two surfaces. Skips poses that this evaluation has already
+ * computed. */
 static void pair_place_surfaces(struct native_engine *e, const struct native_pair *pair,
                                 const struct body_motion *motion)
 {
@@ -230,7 +230,7 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
     struct native_sum sum = {.gather = e->sticking ? &gather : NULL,
                              .one_way = native_pair_is_one_way(pair)};
 
-    /* Until the pair is done, full tells whether the batch lost springs of this pair */
+    /* Until the pair is done, full means that the batch lost springs of this pair */
     batch->n = batch->start = from;
     batch->full = false;
     pair_place_surfaces(e, pair, motion);
@@ -241,7 +241,8 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
         if (e->sticking) {
             friction_sticking_add(e, index, &relative, e->springs[e->npatch],
                                   batch->full || sum.closed, bristles, &sum);
-            e->springs[e->npatch].to = batch->n; /* or more, once they are needed */
+            e->springs[e->npatch].to =
+                batch->n; /* sticking friction may add springs that were not needed before */
         }
         pair_add_patch(e, index, &sum, motion, wrench);
     }
@@ -346,7 +347,7 @@ static enum error_code native_evaluate(struct contact_world *world,
         native_bristle_relax(bristles);
     }
 
-    /* Pairs that may touch, in ascending order, so that sums are reproducible */
+    /* Evaluates the pairs that may touch in ascending order, so that sums are reproducible */
     broad_phase_find(&e->broad, e->near);
     for (size_t w = 0; w < e->broad.nword; w++) {
         for (uint64_t near = e->near[w]; near; near &= near - 1) {
@@ -395,9 +396,9 @@ static void patch_add_springs(const struct native_engine *e, size_t patch, const
     }
 }
 
-/* Sets how a patch's bristles follow the motion and their friction wrench, and adds their damping
- * to D. center: the tangent's, in the first surface's frame; turn: rotation of that frame to the
- * world. */
+/* Sets how a patch's bristles follow the motion, sets their friction wrench, and adds their damping
+ * to D. center: the tangent's center in the first surface's frame; turn: rotation of that frame to
+ * the world. */
 static void tangent_set_bristles(const struct sticking_patch *sticking, const double center[3],
                                  const double turn[9], double sign, struct contact_tangent *tangent)
 {
@@ -431,8 +432,8 @@ static void tangent_set_bristles(const struct sticking_patch *sticking, const do
     tangent->bristle_per_rad_s = sticking->inverse_radius > 0 ? gain / sticking->inverse_radius : 0;
 }
 
-/* Returns the largest ratio of friction to normal force at the pair's velocity at the center
- * (first surface's frame). */
+/* Returns the largest ratio of friction to normal force, at the pair's sliding velocity at center
+ * (in the first surface's frame). */
 static double patch_friction_max(const struct native_engine *e, const struct native_pair *pair,
                                  const double center[3])
 {

@@ -23,7 +23,7 @@
 
 /* Largest distance between springs, over the radius of the smaller mesh. */
 #define SPACING 0.6
-/* with at most this many corners, a facet is bounded by its corners, else by its circle */
+/* a facet with more corners is bounded by its circle instead of its corners */
 #define FEW_CORNERS 6
 #define FACING 0.5      /* cosine; pieces that face the depth's gradient less have three springs */
 #define SPACING_PARTS 8 /* maximum number of parts of a polygon along an edge */
@@ -36,10 +36,10 @@ struct visit {
     const struct solid *carrier, *visitor;
     double R[9], p[3];                       /* pose of the visitor */
     bool turned;                             /* the carrier is the pair's second surface */
-    double least;                            /* m; only depth beyond it counts */
+    double least;                            /* m; depth counts only beyond this */
     double spacing;                          /* largest distance between springs, m */
     const struct tree_node *near[NEAR_MOST]; /* leaves of a shell's tree near the visitor */
-    int nnear;                               /* NEAR_MOST + 1: there are more */
+    int nnear;                               /* number of near; NEAR_MOST + 1: there are more */
     const struct native_overlap *pair;
 };
 
@@ -57,11 +57,11 @@ struct visit_depth {
     double at, slope[2];
     double inward[3]; /* unit gradient: direction in which the depth grows most */
     double facing;    /* inward . the facet's normal */
-    int sign;         /* sign of the cell's volume: -1 for a cell that is inside out */
+    int sign;         /* sign of the cell's volume: -1 for an inverted cell */
 };
 
-/* Moments of area and depth over the parts of a facet in one cell that are too small for springs
- * of their own. About an origin (x, y) in the facet's plane. */
+/* Moments of area and depth over parts of a facet in one cell. Each of these parts is too small for
+ * springs of its own. About an origin (x, y) in the facet's plane. */
 struct visit_group {
     double x, y;
     double area, first[2], second[3]; /* x, y; xx, xy, yy */
@@ -86,7 +86,8 @@ static void visit_add_force(const struct visit *v, const double direction[3], do
         return;
     }
 
-    /* If the carrier is the pair's second surface, the opposite acts on the first, in its frame */
+    /* If the carrier is the pair's second surface, adds the opposite force to the first, in the
+     * first's frame */
     mat3_apply(v->pair->relative->R, direction, d);
     mat3_apply(v->pair->relative->R, lever, at);
     vec3_add_scaled(at, force, v->pair->relative->p, at);
@@ -95,8 +96,8 @@ static void visit_add_force(const struct visit *v, const double direction[3], do
     vec3_add_scaled(sum->moment, -1, turn, sum->moment);
 }
 
-/* Adds springs at count points x, y in a facet's plane, all with one rate (N/m), as long as the
- * depth there. There must be room. The point of action is from the visitor's surface toward the
+/* Adds springs at count points x, y in a facet's plane. All have one rate (N/m); each is as long as
+ * the depth there. There must be room. The point of action is from the visitor's surface toward the
  * carrier's by the visitor's share of the depth. */
 static void visit_add_springs(const struct visit *v, const struct visit_facet *f,
                               const struct visit_depth *depth, double rate, const double *x,
@@ -144,9 +145,10 @@ static void visit_add_springs(const struct visit *v, const struct visit_facet *f
 
 /* ---- force and springs of a polygon of a facet in one cell ---- */
 
-/* Adds the elastic force on the carrier of a linear depth over a polygon of moments m, along a
- * direction: rate (N/m) times the mean depth, at the center of pressure, which the slope moves off
- * the centroid. Does nothing for tangents and sticking friction, which use the springs only. */
+/* Adds the elastic force on the carrier of a linear depth over a polygon with moments m, along a
+ * direction. The force is rate (N/m) times the mean depth, and acts at the center of pressure,
+ * which the slope moves off the centroid. Does nothing for tangents and sticking friction, which
+ * use the springs only. */
 static void visit_add_pressure(const struct visit *v, const struct visit_facet *f,
                                const struct visit_depth *depth, const struct moments *m,
                                const double direction[3], double rate)
@@ -198,8 +200,8 @@ static void visit_add_triangle(const struct visit *v, const struct visit_facet *
     visit_add_springs(v, f, depth, rate, x, y, n);
 }
 
-/* Adds springs on a whole polygon, which integrate force and moment of a linear depth exactly.
- * Subtracts their elastic force from the sum. */
+/* Adds springs on a whole polygon, and subtracts their elastic force from the sum. The springs
+ * integrate force and moment of a linear depth exactly. */
 static void visit_add_fan(const struct visit *v, const struct visit_facet *f,
                           const struct visit_depth *depth, const struct polygon2d *g,
                           const struct moments *m)
@@ -339,14 +341,14 @@ static int visit_count_parts(const struct visit *v, double length)
     return wanted < SPACING_PARTS ? (int)wanted : SPACING_PARTS;
 }
 
-/* Adds springs on a wide polygon: cuts it into columns, and these into rectangles no wider than
- * the spacing with three springs each. */
+/* Adds springs on a wide polygon. Cuts it into columns, and the columns into rectangles no wider
+ * than the spacing, with three springs each. */
 static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
                            const struct visit_depth *depth, const struct polygon2d *g)
 {
     double left, right, low, high;
 
-    /* Columns of equal width along x */
+    /* Cuts the polygon into columns of equal width along x */
     flat_find_reach(g, 0, &left, &right);
 
     const int columns = visit_count_parts(v, right - left);
@@ -357,7 +359,7 @@ static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
         const struct polygon2d *column =
             clip2d_between(g, 0, left + c * wide, left + (c + 1) * wide, cut[0]);
 
-        /* In each column, rows of equal height along y */
+        /* Cuts each column into rows of equal height along y */
         flat_find_reach(column, 1, &low, &high);
         for (int r = 0, rows = visit_count_parts(v, high - low); column->n >= 3 && r < rows; r++) {
             const double tall = (high - low) / rows;
@@ -381,8 +383,8 @@ static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
     }
 }
 
-/* Adds force and springs of a polygon of a facet in one cell. A small polygon is added to the
- * group instead; the group gets three springs for all its polygons. */
+/* Adds force and springs of a polygon of a facet in one cell. Adds a small polygon to the group
+ * instead, which has three springs for all its polygons. */
 static void visit_add_polygon(const struct visit *v, const struct visit_facet *f,
                               const struct visit_depth *depth, const struct polygon2d *g,
                               struct visit_group *group)
@@ -399,11 +401,11 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
         return;
     }
 
-    /* The elastic force along the visitor's normal; cells that are inside out subtract it */
+    /* Adds the elastic force along the visitor's normal; inverted cells subtract it */
     mean = depth->at + depth->slope[0] * m.x + depth->slope[1] * m.y;
     visit_add_pressure(v, f, depth, &m, f->normal,
                        depth->sign * v->pair->law->stiffness * m.twice / 2);
-    v->pair->sum->area += DBL_MIN; /* in touch, even if there is no pressure */
+    v->pair->sum->area += DBL_MIN; /* marks contact even without pressure */
     if (depth->sign < 0 || depth->facing <= 0) {
         return;
     }
@@ -418,7 +420,7 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
         radius2 = r2 > radius2 ? r2 : radius2;
     }
 
-    /* Springs: three with the group, or by the spacing */
+    /* A small polygon shares the three springs of its group; a large one has its own */
     if (radius2 <= wide * wide || depth->facing <= FACING) {
         group_add(group, depth, &m, mean);
     } else if (v->field->planar) {
@@ -430,9 +432,9 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
 
 /* ---- a carrier with few sides ---- */
 
-/* Clips a polygon to where the linear function at + x X + y Y is not negative; returns the result,
- * g[0] or g[1]. A polygon on which the function is 0 everywhere is kept unless give_away is set:
- * of two cells with this polygon as their common wall, only one has it. */
+/* Clips a polygon to the region where the linear function at + x X + y Y is not negative; returns
+ * the result, g[0] or g[1]. A polygon on which the function is 0 everywhere is the common wall of
+ * two cells. It is kept unless give_away is set, so that only one of the cells has it. */
 static struct polygon2d *clip2d_linear(struct polygon2d g[2], struct polygon2d *now, double at,
                                        double x, double y, bool give_away)
 {
@@ -496,8 +498,8 @@ static const struct polygon2d *planes_clip_facet(const struct visit *v, const st
     return now;
 }
 
-/* Adds a facet in a convex carrier with few sides: for each side, the part of the facet that is
- * nearest to it. */
+/* Adds a facet in a convex carrier with few sides. For each side, adds the part of the facet that
+ * is nearest to the side. */
 static void visit_planes(const struct visit *v, const struct visit_facet *f)
 {
     const struct solid *s = v->carrier;
@@ -543,8 +545,8 @@ static void visit_planes(const struct visit *v, const struct visit_facet *f)
 
 /* ---- a carrier with a shell ---- */
 
-/* Computes the intersection of a tetrahedron and the facet's plane. height: of its nodes over the
- * plane, m. Returns the number of corners: 0, 3 or 4. */
+/* Computes the intersection of a tetrahedron and the facet's plane. height: heights of the nodes
+ * over the plane, m. Returns the number of corners: 0, 3 or 4. */
 static int tetrahedron_cut(const double *const node[4], const double height[4],
                            const struct visit_facet *f, struct polygon2d *g)
 {
@@ -637,7 +639,7 @@ static bool tetrahedron_find_depth(const struct visit *v, const double *const no
     depth->slope[0] = vec3_dot(gradient, f->axis[0]);
     depth->slope[1] = vec3_dot(gradient, f->axis[1]);
 
-    /* Direction of the gradient, and whether the cell is inside out */
+    /* Direction of the gradient, and whether the cell is inverted */
     length = vec3_norm(gradient);
     for (int k = 0; k < 3; k++) {
         depth->inward[k] = length > 0 ? gradient[k] / length : 0;
@@ -647,9 +649,9 @@ static bool tetrahedron_find_depth(const struct visit *v, const double *const no
     return true;
 }
 
-/* Adds a facet in one tetrahedron: cuts the tetrahedron with the facet's plane, clips the result
- * to the facet and to positive depth. height: of its nodes over the plane; sign: of its volume if
- * it is not inside out. */
+/* Adds a facet in one tetrahedron. Cuts the tetrahedron with the facet's plane, and clips the
+ * result to the facet and to positive depth. height: heights of the nodes over the plane. sign:
+ * sign of the volume if the tetrahedron is not inverted. */
 static void visit_tetrahedron(const struct visit *v, const struct visit_facet *f,
                               const double *const node[4], const double height[4], int sign,
                               struct visit_group *group)
@@ -689,7 +691,7 @@ static double facet_find_least(const struct visit_facet *f, const double d[3])
     return least;
 }
 
-/* Checks whether a whole prism is farther inside than a facet, along the normal of the prism's
+/* Checks whether a prism is completely farther inside than a facet, along the normal of the prism's
  * triangle. */
 static bool prism_is_behind(const struct visit *v, const struct visit_facet *f, int cell,
                             const struct field_prism *prism)
@@ -727,7 +729,7 @@ static void visit_prism(const struct visit *v, const struct visit_facet *f, int 
         return;
     }
 
-    /* Tetrahedra, with the sign of their volume (field_tetrahedron) */
+    /* Adds the tetrahedra, with the sign of their volume (field_tetrahedron) */
     for (int i = 0; i + 4 <= prism.nnode; i++) {
         const int *corner = field_tetrahedron[i];
         const double *node[4];
@@ -764,8 +766,8 @@ static void facet_find_box(const struct visit_facet *f, struct box *box)
     }
 }
 
-/* A test whether a facet may touch the cells in a box: the box must meet the facet's box and its
- * plane. */
+/* Bounds of a facet, to test whether it may touch the cells in a box: the box must meet the facet's
+ * box and its plane. */
 struct visit_probe {
     struct box box;
     double offset, back[3];
@@ -823,7 +825,7 @@ static void visit_facets(const struct visit *v, const struct box *there)
         for (int i = 0; i < node->count; i++) {
             struct visit_facet f;
 
-            /* Transformed into the carrier's frame */
+            /* Transforms the facet into the carrier's frame */
             f.f = &v->visitor->facet[tree->item[node->first + i]];
             mat3_apply(v->R, f.f->normal, f.normal);
             mat3_apply(v->R, f.f->axis[0], f.axis[0]);
@@ -835,7 +837,7 @@ static void visit_facets(const struct visit *v, const struct box *there)
                 continue;
             }
 
-            /* Corners, for the facet's box in the shell */
+            /* Transforms the corners, for the facet's box in the shell */
             f.ncorner = f.f->count <= FEW_CORNERS ? f.f->count : 0;
             for (int k = 0; k < f.ncorner; k++) {
                 mat3_apply(v->R, v->visitor->ring[f.f->first + k], f.corner[k]);
@@ -875,7 +877,7 @@ static bool visit_find_near(struct visit *v, const struct box *where, struct box
 }
 
 /* Adds the visitor's facets in the carrier's box `in`; for a shell, only near listed cells. where:
- * box about the visitor. Both are in the carrier's frame. R and p: pose of the carrier in the
+ * box about the visitor. Both boxes are in the carrier's frame. R and p: pose of the carrier in the
  * visitor's frame. */
 static void visit_near(struct visit *v, const struct box *in, const struct box *where,
                        const double R[9], const double p[3])
@@ -909,9 +911,9 @@ struct visit_couple {
     const double *back, *origin; /* rotation and origin of the first in the second's frame */
 };
 
-/* Adds the second's facets in the part of the first's field deeper than least, m. Then adds the
- * first's facets in the part of the second's field that is deeper than least and than the first's
- * largest depth. */
+/* Adds the second's facets in the part of the first's field that is deeper than least, m. Then adds
+ * the first's facets in the part of the second's field that is deeper than both least and the
+ * first's largest depth. */
 static void visit_couple_from(struct visit *v, const struct visit_couple *c, double least)
 {
     const struct visit kept = *v;

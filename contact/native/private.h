@@ -16,11 +16,11 @@
 struct native_surface {
     int body;
     enum contact_shape shape;
-    double position[3], rotation[9]; /* in the body's frame */
-    struct native_capsule capsule;   /* or sphere */
+    double position[3], rotation[9]; /* pose in the body's frame */
+    struct native_capsule capsule;   /* capsule or sphere */
     double center[3], reach;         /* bounding ball, in the body's frame, m */
     struct broad_capsule about; /* bounding capsule about the same center, in the body's frame */
-    const struct solid *solid;  /* of a box or mesh; of a capsule that may touch one of them */
+    const struct solid *solid;  /* for a box or mesh, or a capsule in a pair with one */
     const struct field *field;  /* pressure field of a mesh in a pair with a mesh, or NULL */
 };
 
@@ -36,11 +36,11 @@ struct native_pair {
     double slack;   /* overlap that does not count, m; only for capsules */
     /* sign of the force on the configured pair's b relative to the force on the first surface */
     double sign;
-    /* share of the depth along the push, from the point of action to the surface that does not
-     * define the normals; 0 if both define some */
+    /* distance along the push from the point of action to the surface that does not define the
+     * normals, as a share of the depth; 0 if both surfaces define normals */
     double onto;
-    /* which of the two surfaces the anchor of the bristles is fixed in: the one that does not
-     * define the normals */
+    /* index in `surface` of the surface that holds the bristles' anchor: it does not define the
+     * normals */
     int anchored;
     struct native_law law;
 };
@@ -50,20 +50,20 @@ struct native_springs {
     size_t from, to;
 };
 
-/* The engine: a contact_world and all that it works with. */
+/* The engine: a contact_world and its working memory. */
 struct native_engine {
     struct contact_world world; /* first member */
     size_t nbody, nsurface, npair, npatch;
     struct native_surface *surface;
-    struct native_pose *pose; /* of each surface that is placed */
+    struct native_pose *pose; /* by surface; valid if placed */
     /* by surface: placed in this evaluation; always true for surfaces fixed in the world */
     bool *placed;
     struct broad_phase broad;
     uint64_t *near; /* bits of the pairs that the broad phase found */
     struct native_pair *pair;
     struct contact_patch *patch;     /* patches of the last evaluation */
-    struct native_springs *springs;  /* of each patch */
-    struct sticking_patch *sticking; /* of each patch, with sticking friction; otherwise NULL */
+    struct native_springs *springs;  /* springs of each patch */
+    struct sticking_patch *sticking; /* by patch; NULL without sticking friction */
     struct native_scratch *scratch;
     char failure[128];
 };
@@ -90,18 +90,19 @@ static inline bool native_pair_is_one_way(const struct native_pair *pair)
     return pair->kind == PAIR_MESH_HALF_SPACE || pair->kind == PAIR_CAPSULE_HALF_SPACE;
 }
 
-/* Adds the friction damping of a patch that holds as a whole, or its share, to a tangent. center:
- * the tangent's, in the first surface's frame; turn: rotation of that frame to the world. */
+/* Adds to a tangent the friction damping for the share of friction that a patch bears as a whole.
+ * center: the tangent's center in the first surface's frame; turn: rotation of that frame to the
+ * world. */
 void native_bristle_resist(const struct sticking_patch *patch, const double center[3],
                            const double turn[9], struct contact_tangent *tangent);
 
-/* Adds stiffness and damping of the patch's springs along the normal from the gathered moments,
- * for springs that all push one way. */
+/* Adds to a tangent the stiffness and damping of the patch's springs along the normal, from the
+ * gathered moments. All springs must push one way. */
 void native_bristle_press(const struct sticking_patch *patch, const double center[3],
                           const double turn[9], struct contact_tangent *tangent);
 
-/* Adds the sticking friction (stiction) of a pair in contact to sum. Fills the next sticking patch
- * and the bristles' rates. sum already has the normal force and the gathered sums. The pair's
+/* Adds the sticking friction (stiction) of a pair in contact to sum, which already has the normal
+ * force and the gathered sums. Fills the next sticking patch and the bristles' rates. The pair's
  * springs are in the batch, or lost because there was no room. bristles: may be NULL (all
  * relaxed). */
 void friction_sticking_add(struct native_engine *e, size_t index,

@@ -19,7 +19,7 @@
 #include <string.h>
 
 #define PI 3.14159265358979323846
-#define NEGLIGIBLE 1e-12      /* part of a circle that counts as rounding error */
+#define NEGLIGIBLE 1e-12      /* smaller parts of a circle count as rounding errors */
 #define MEAN_LEVER (8.0 / 15) /* mean lever of a paraboloid of pressure, over its radius */
 
 /* Integrals over the part of a facet that is in the circle. */
@@ -142,7 +142,7 @@ static void cap_add_edge(const struct circle *c, const double a[2], const double
         return;
     }
 
-    /* The piece from p to q is inside, those before and after it are outside */
+    /* The piece from p to q is inside; the pieces before and after it are outside */
     t[0] = t[0] > 0 ? t[0] : 0;
     t[1] = t[1] < 1 ? t[1] : 1;
     for (int k = 0; k < 2; k++) {
@@ -196,7 +196,7 @@ static bool facet_find_cap(const struct solid *solid, const struct facet *f, con
         return true;
     }
 
-    /* A part of it: integrals along the rim */
+    /* Otherwise a part of the circle: integrals along the rim */
     *cap = (struct cap){0};
     for (int i = 0; i < f->count; i++) {
         cap_add_edge(c, corner[i], corner[i + 1 < f->count ? i + 1 : 0], cap);
@@ -207,7 +207,7 @@ static bool facet_find_cap(const struct solid *solid, const struct facet *f, con
 }
 
 /* Adds four springs around the center of pressure in the facet's plane, so that friction brakes a
- * spinning sphere. depth: of each, m; weight: 0 to 1. */
+ * spinning sphere. depth: length of each spring, m; weight: 0 to 1. */
 static void sphere_add_springs(const struct facet *f, const struct cap *cap, const double center[3],
                                double depth, double weight, const struct native_law *law,
                                struct native_batch *batch)

@@ -12,8 +12,8 @@
 
 bool contact_simbody_find(char *path, size_t size)
 {
-    /* Places relative to the program's folder: the installed one, the build's, and the tests' in
-     * the build */
+    /* Folders relative to the program's folder: of an installation, of a build, and of the build's
+     * tests */
     static const char *const places[] = {("../" HIL_MODULE_FOLDER), "modules", "../modules"};
     char folder[PATH_MAX];
     ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - 1);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Interface of the module with the engine "simbody". The engine is a module, loaded only by rigs
- * that choose it, because Simbody's libraries take every process time to relocate at its start.
+ * Interface of the module with the engine "simbody". Only rigs that choose the engine load the
+ * module, because relocating Simbody's libraries slows the start of a process.
  * contact_simbody_create loads the module, which is C++. Not RT-safe.
  */
 #ifndef CONTACT_SIMBODY_MODULE_H

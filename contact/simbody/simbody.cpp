@@ -74,14 +74,14 @@ struct Engine : contact_world {
     ContactTrackerSubsystem tracker;
     CompliantContactSubsystem forces;
     State state;
-    std::vector<Shadow> shadow;  /* of each body */
+    std::vector<Shadow> shadow;  /* shadow of each body */
     std::vector<int> surface_of; /* our index of each Simbody surface */
-    std::vector<int> body_of;    /* of each of our surfaces */
-    std::vector<int> pair_of;    /* nsurface x nsurface, or no_pair */
+    std::vector<int> body_of;    /* body of each of our surfaces */
+    std::vector<int> pair_of;    /* pair of surfaces [a * nsurface + b], or no_pair */
     std::vector<struct contact_pair> pair;
-    std::vector<Law> law; /* of each pair */
+    std::vector<Law> law; /* law of each pair */
     std::vector<struct contact_patch> patches;
-    std::vector<ContactId> touching; /* of each patch */
+    std::vector<ContactId> touching; /* contact of each patch */
     char failure[512] = "";
 };
 
@@ -178,8 +178,8 @@ ContactSurface make_surface(const struct contact_surface &s)
                           m.thickness_m);
 }
 
-/* Simbody tests each surface against each other. A clique for each two surfaces that are not a
- * pair disables their contact. Surfaces of one body never touch anyway. */
+/* Disables the contact of each two surfaces that are not a pair, by a clique for the two. Simbody
+ * would test all surfaces against each other. Surfaces of one body never touch anyway. */
 void separate_unpaired(std::vector<ContactSurface> &surfaces, const std::vector<int> &body_of,
                        const std::vector<int> &pair_of)
 {
@@ -292,8 +292,8 @@ Engine::Engine(const struct contact_config &config)
 
 /* ---- evaluating ---- */
 
-/* A free mobilizer on Ground: q is the quaternion and the origin, u the angular velocity and the
- * origin's velocity, all in Ground's frame. */
+/* Sets the motions of the shadow bodies. A free mobilizer on Ground has q (quaternion, origin) and
+ * u (angular velocity, velocity of the origin), all in Ground's frame. */
 void Engine::impose_motion(const struct body_motion *motion)
 {
     Vector &q = state.updQ();
@@ -476,7 +476,7 @@ size_t simbody_patches(struct contact_world *world, struct contact_patch *patch,
     return all.size();
 }
 
-/* A pair has no tangent if Simbody cannot give its details. */
+/* Computes the tangents. A pair has none if Simbody cannot give its details. */
 size_t simbody_tangents(struct contact_world *world, struct contact_tangent *tangent, size_t max)
 {
     try {
