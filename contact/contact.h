@@ -37,8 +37,8 @@
  *
  * Elements are the triangles of a mesh. x is the distance from the centroid to the nearest point of
  * the other surface. Force and velocities are taken at the point that divides this distance by s1
- * and s2. Between two meshes, the result is half of the sum over both meshes, or, in the engine
- * "native", the pressure field of one of them (below).
+ * and s2. Between two meshes, the result is half of the sum over both meshes. The engine "native"
+ * can use the pressure field of one of them instead (below).
  *
  * A sphere on a half-space or on a sphere is one element with Hertz's law instead: f_n = 4/3 E
  * sqrt(R) x^1.5 (1 + 1.5 c x'), R the relative radius, E = (K1 K2/(K1 + K2))^1.5 with K_i =
@@ -338,12 +338,12 @@ struct contact_world {
  *
  * Differences of Simbody's results from the law above:
  * - A triangle counts fully or not at all, by the position of its centroid. For mesh on mesh,
- *   Simbody scales each mesh's sum so that the overlapping triangles cover the mean of both
- *   meshes' areas, instead of taking half. So coarse meshes push too hard: a box on a flat table
- *   of 12 faces by 1.4 to 41 times, more for a larger table.
+ *   Simbody does not take half of both sums. It scales each sum so that the overlapping triangles
+ *   cover the mean of both meshes' areas. So coarse meshes push too hard: a box on a flat table of
+ *   12 faces pushes 1.4 to 41 times too hard, and more on a larger table.
  * - A face below a half-space pushes along the half-space's normal even if the face is vertical.
  *   So the sides of a box add force once the box is deeper than their first centroids.
- * - A sphere smaller than the cells of a mesh can touch between centroids and feel no force.
+ * - A sphere smaller than the cells of a mesh can touch between centroids without any force.
  * - Force patches have neither area nor depth.
  * - Layers have no end: there is no backing.
  *
@@ -360,11 +360,11 @@ bool contact_simbody_find(char *path, size_t size);
  * Memory from arena, which must outlive the world; destroy does nothing.
  *
  * The engine integrates over the true overlap of two surfaces. So the wrench is continuous in the
- * pose, does not depend on the triangulation of a flat side, and converges as curved surfaces are
- * refined:
- * - Parallel springs stand side by side on a plane (a bed). Each is as long as the overlap is deep
- *   at its place. The elastic force of a bed is k times the overlap volume. Coplanar triangles
- *   that form a convex polygon are one facet.
+ * pose, and does not depend on the triangulation of a flat side. It converges as curved surfaces
+ * are refined:
+ * - A bed of parallel springs stands on a plane. Each spring is as long as the overlap is deep at
+ *   that point. The elastic force of a bed is k times the overlap volume. Coplanar triangles that
+ *   form a convex polygon are one facet.
  * - Mesh on half-space: springs along the plane's normal. A facet that is vertical or faces away
  *   adds nothing (in Simbody both push).
  * - Mesh on mesh, CONTACT_PRESSURE_FIELD: one mesh is the carrier, the other the visitor. Each
@@ -377,24 +377,24 @@ bool contact_simbody_find(char *path, size_t size);
  *       f = -k integral of x n dA,  m = -k integral of r x n dA  over the visitor's surface in V
  *
  *   The opposite wrench acts on the carrier. So any closed path returns the stored energy, for any
- *   field and any triangulation. On a flat side U does not depend on the position along the side:
- *   there is no force along it, and f is k times the volume under the side, as on a half-space
- *   (k A x flat on flat). Within a distance x of the carrier's edges, x is the depth under the
+ *   field and any triangulation. On a flat side U does not depend on the position along the side,
+ *   so there is no force along it. f is k times the volume under the side, as on a half-space (k A
+ *   x flat on flat). Within a distance x of the carrier's edges, x is the depth under the
  *   nearer side. Friction and dissipation use the gradient direction of x as the normal. The part
  *   of f across it is 0 in sum on a flat side; it has neither damping nor friction. The reported
  *   stored energy is k A x^2/2. This is U on flat sides; near edges and on curved carriers it
  *   differs, over a thin edge by half.
- *   The carrier is the larger mesh (by the diagonals of the boxes; if equal, the pair's a). If the
- *   carrier's largest depth is d and the visitor is deeper, as for a body on a plate, U also has k
+ *   The carrier is the larger mesh (by the diagonals of the boxes; if equal, the pair's a). Let d
+ *   be the carrier's largest depth. If the visitor is deeper, as a body on a plate is, U also has k
  *   times the integral of the visitor's depth beyond d. So the force vanishes only when the middle
  *   of the body has passed through the plate, not at the plate's thickness.
  *
  * - Mesh on mesh, CONTACT_ELASTIC_FOUNDATION: springs between each two facets that face each
  *   other, along the mean of their normals. Both sums of eq (6) are over the same overlap, so one
  *   of them equals half of both. A tilted block is pushed sideways by half of its tilt, as by
- *   Simbody's mean of both sums, and closed paths gain or lose energy. The force fades out as the
- *   normals approach a right angle (full up to 60 degrees, none from 84), and where a spring would
- *   run along the overlap instead of across it.
+ *   Simbody's mean of both sums. Closed paths gain or lose energy. The force fades out as the
+ *   normals approach a right angle (full up to 60 degrees, none from 84). It also fades out where a
+ *   spring would run along the overlap instead of across it.
  * - Sphere on mesh: springs over each facet along its normal to the far side of the sphere. On a
  *   flat side the force is k times the volume of the cap, at any place. A facet no longer holds a
  *   sphere that has sunk below it by a diameter. Sphere on half-space or sphere: Hertz's law.
@@ -403,8 +403,8 @@ bool contact_simbody_find(char *path, size_t size);
  * - Velocity, dissipation and friction are evaluated at three points between a facet's centroid
  *   and each edge of the overlap. A facet that is small against the smaller mesh has three points
  *   in all, a patch of a sphere four. In a pressure field, each part of a facet in a cell is cut
- *   into triangles no wider than 0.6 of the smaller mesh's radius, with three points each. In a
- *   shell (contact/mesh/field.h), each part no wider than that has three points.
+ *   into triangles with three points each. The triangles are no wider than 0.6 of the smaller
+ *   mesh's radius. In a shell (contact/mesh/field.h), each part up to this width has three points.
  *
  * Pairs whose bounding balls are apart cost a few instructions; several pairs are tested at a
  * time. No state is kept between evaluations (the caller owns the bristles), so the same motion
@@ -412,12 +412,13 @@ bool contact_simbody_find(char *path, size_t size);
  * and the engine uses the best one of the machine. All add up in the same order (contact/lanes.h)
  * and give the same bits.
  *
- * Worst-case work: the number of facets for a half-space or a sphere; the number of intersecting
- * pairs of facet and cell in a pressure field, which grows as the number of facets even for meshes
- * inside each other; the product of both numbers of facets with CONTACT_ELASTIC_FOUNDATION. Where
- * surfaces only touch, as for a robot, the work follows the patch: a walk down the trees to the
- * common box, then the facets in it. tests/bench/contact_instructions.sh measures it: over random
- * poses of a foot, a box or a sphere in touch, the worst is within three times the median. */
+ * Worst-case work for a half-space or a sphere is the number of facets. In a pressure field it is
+ * the number of intersecting pairs of facet and cell, which grows as the number of facets even for
+ * meshes inside each other. With CONTACT_ELASTIC_FOUNDATION it is the product of both numbers of
+ * facets. Where surfaces only touch, as for a robot, the work depends on the size of the patch: a
+ * walk down the trees to the common box, then the facets in it. tests/bench/contact_instructions.sh
+ * measures the work over random poses of a foot, a box or a sphere in contact: the largest is
+ * within three times the median. */
 enum error_code contact_native_create(const struct contact_config *config, struct arena *arena,
                                       struct contact_world **world, struct error *error);
 

@@ -221,9 +221,9 @@ int64_t external_heard_ns(const struct external *external, size_t board)
 
 /* Computes the rotor speed of a joint in the coming tick, rad/s. Angle: covers the remaining
  * distance in the time between two frames, so that the rotor glides between rare frames instead of
- * jumping. Torque: with the spring's deflection e, the solution of Ks e + Ds e' = torque
- * approaches the deflection at rest with the time constant Ds / Ks; the rotor adds the change of e
- * over the tick to the link's motion. */
+ * jumping. Torque: the spring's deflection e follows Ks e + Ds e' = torque, so it approaches the
+ * deflection at rest with the time constant Ds / Ks. The rotor adds the change of e over the tick
+ * to the link's motion. */
 static double external_rotor_speed(const struct external *external,
                                    const struct external_axis *axis)
 {

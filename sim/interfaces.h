@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The SocketCAN interfaces of a rig. Before the buses are joined, it configures the CAN controllers
- * if the rig requests it, and refuses controllers with another bit rate than the rig's. During the
- * run, it polls each controller once a second, passes its state to the port, and repairs it as far
- * as allowed:
+ * Configures and watches the SocketCAN interfaces of a rig. Before the buses are joined, configures
+ * the CAN controllers if the rig requests it. Refuses controllers whose bit rate is not the rig's.
+ * During the run, polls each controller once a second, passes its state to the port, and repairs it
+ * as far as the rig allows:
  *
- * - configure: true. A controller with another bit rate is configured again. One that was removed
- *   and created again is configured and started. One in bus-off is restarted, at most
- *   INTERFACES_RESTARTS times in a minute, unless the kernel restarts it (restart_ms above 0). One
- *   that was taken down stays down until a user brings it up.
- * - configure: false. Another bit rate and bus-off are reported; nothing is changed.
+ * - configure: true. A controller with a wrong bit rate is configured again. A controller that was
+ *   removed and created again is configured and started. A controller in bus-off is restarted, at
+ *   most INTERFACES_RESTARTS times in a minute, unless the kernel restarts it (restart_ms above 0).
+ *   A controller that was taken down stays down until a user brings it up.
+ * - configure: false. A wrong bit rate and bus-off are reported; nothing is changed.
  *
  * Virtual interfaces are not changed. Call from one thread, not the loop's; time is passed in. Not
  * RT-safe.

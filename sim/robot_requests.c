@@ -120,7 +120,7 @@ static enum error_code robot_checkpoint_create(struct robot_requests *s, struct 
         return error_set(error, ERROR_MEMORY, "no memory left for the requests");
     }
 
-    /* Memory that changes: the caller's, the requests' own, the wires */
+    /* Memory that changes: of the caller, of this executor, and of the wires */
     memcpy(moving, config->moving, nmoving * sizeof *moving);
     memcpy(hole, config->hole, nhole * sizeof *hole);
     moving[nmoving++] = (struct span){&s->moving, sizeof s->moving};

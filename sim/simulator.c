@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Creates a simulator as a whole or not at all, runs it in the caller's thread with the task in
- * its own thread, and closes it. assembly.c creates its parts. */
+/* Creates a simulator as a whole or not at all, runs it in the caller's thread, and closes it. The
+ * task runs in its own thread. assembly.c creates the parts. */
 #include "sim/simulator_private.h"
 
 #include <string.h>

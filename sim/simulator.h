@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A running rig: robot, dynamics, contact, plant, boards and buses joined by the loop, with the
- * recorder and optionally a task on the other side of the buses. SI units, world frame, times in
- * ns. Not RT-safe unless a function says so. One thread creates, runs and destroys it.
+ * A running rig: robot, dynamics, contact, plant, boards, buses and recorder, joined by the loop.
+ * Optionally a task runs on the other side of the buses. SI units, world frame, times in ns. Not
+ * RT-safe unless a function says so. One thread creates, runs and destroys it.
  */
 #ifndef SIM_SIMULATOR_H
 #define SIM_SIMULATOR_H
@@ -27,11 +27,11 @@ enum {
     SIMULATOR_EXTERNAL_MAX = 64,
 };
 
-/* A callback in the loop's thread, only in free run and lockstep. It is called before each tick
- * with the virtual time of the tick's start, when all frames of the last tick are on the buses. In
- * lockstep it is called again with the same time while no STEP has come. Frames that it sends are
- * received in the tick. Faults that it switches act on motors and wires from the next tick. Must
- * be RT-safe. */
+/* A callback in the loop's thread, only in free run and lockstep. The loop calls it before each
+ * tick with the virtual time of the tick's start. All frames of the last tick are then on the
+ * buses. In lockstep it is called again with the same time while no STEP has come. Frames that it
+ * sends are received in the tick. Faults that it switches act on motors and wires from the next
+ * tick. Must be RT-safe. */
 struct simulator_observer {
     void *context;
     void (*step)(void *context, int64_t now_ns);
@@ -151,9 +151,9 @@ bool simulator_read(const struct simulator *simulator, struct simulator_status *
  * that reads events. */
 void simulator_watch_interfaces(struct simulator *simulator, int64_t now_ns);
 
-/* Reads one event of the loop, the faults, the interfaces, the robot (sim/mechanics_events.h), the
- * boards or the recorder, as a line of text with a key for the event log. Returns false if there
- * is none. The event is recorded. Call it from one thread other than the loop's. */
+/* Reads one event as a line of text with a key for the event log. Sources are the loop, the faults,
+ * the interfaces, the robot (sim/mechanics_events.h), the boards and the recorder. Returns false if
+ * there is none. The event is recorded. Call it from one thread other than the loop's. */
 bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size);
 
 /* Records an event of another source with the present time. Call it from the thread that reads

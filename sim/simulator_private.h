@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Declarations shared by the parts of the simulator: assembly.c creates it, simulator.c runs and
- * closes it and gives access to it, machine.c has the functions that the loop calls, status.c,
- * signals.c and recording.c publish and record, events.c collects the event log. Not RT-safe unless
+ * Declarations shared by the parts of the simulator. assembly.c creates it. simulator.c runs it,
+ * closes it and gives access to it. machine.c has the functions that the loop calls. status.c,
+ * signals.c and recording.c publish and record. events.c collects the event log. Not RT-safe unless
  * a function says so.
  */
 #ifndef SIM_PRIVATE_H

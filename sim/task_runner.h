@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Runs a task on the buses of a rig: stepped inline by the loop (lockstep, free run), or in its own
- * thread or process (real time on the grid of the tick, or lockstep from outside). Any thread can
- * read its state and message. Times in ns of the given clock.
+ * Runs a task on the buses of a rig. In lockstep and free run, the loop steps it inline. Otherwise
+ * it has its own thread or process: in real time on the grid of the tick, or in lockstep from
+ * outside. Any thread can read its state and message. Times in ns of the given clock.
  */
 #ifndef SIM_TASK_RUNNER_H
 #define SIM_TASK_RUNNER_H

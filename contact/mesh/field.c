@@ -456,8 +456,8 @@ static bool prism_find_box(const struct field *field, int cell, struct box *box)
 }
 
 /* Checks whether the ends of the spokes leave a core whose whole surface is visible from the
- * innermost point. If the ends meet in a sheet in the middle of the solid, or leave pockets around
- * it, tetrahedra to one point would only cancel each other. */
+ * innermost point. Otherwise the ends meet in a sheet in the middle of the solid, or leave pockets
+ * around it. Then tetrahedra to one point would only cancel each other. */
 static bool field_has_core(const struct field *field)
 {
     const int nface = (int)field->solid->nface;

@@ -9,9 +9,9 @@
  * ends where a ball about its end that touches these sides no longer fits inside. Between the
  * spokes of a triangle there are layers of prisms, cut into tetrahedra that share faces with their
  * neighbors. Inside the innermost layer, tetrahedra lead to one point. Under flat sides, and
- * their edges and corners, the depth is exact. The tetrahedra, counted with their orientation,
- * cover the inside once and the outside not at all, for any direction of the spokes, since the
- * surface is their only boundary.
+ * their edges and corners, the depth is exact. Counted with their orientation, the tetrahedra cover
+ * the inside once and the outside not at all. This holds for any direction of the spokes, because
+ * the surface is the only boundary of the tetrahedra.
  *
  * A field is immutable. Memory from the arena; the field points into its solid. Making a field is
  * not RT-safe.

@@ -5,14 +5,15 @@
  * mesh is immutable; the arena given at its creation owns its memory. On an error the caller's
  * pointer is not written. No call here is RT-safe.
  *
- * Accepted OBJ: `v x y z` (an optional fourth number has to be 1), `f` with corners `v`, `v/vt`,
- * `v//vn`, `v/vt/vn`, indices from 1 or, negative, back from the newest vertex; a face may only
- * name vertices above it. Texture coordinates, normals, groups, objects, smoothing, materials and
- * comments are ignored; every other keyword is an error, so that no curve or line is dropped
- * silently. A backslash at the end of a line continues it (not in comments).
+ * Accepted OBJ statements are `v x y z` (an optional fourth number must be 1) and `f` with corners
+ * `v`, `v/vt`, `v//vn` or `v/vt/vn`. Indices count from 1; negative indices count back from the
+ * newest vertex. A face may use only vertices above it in the file. Texture coordinates, normals,
+ * groups, objects, smoothing, materials and comments are ignored. Every other keyword is an error,
+ * so that no curve or line is dropped silently. A backslash at the end of a line continues the line
+ * (not in comments).
  *
  * A polygon is split into a fan of triangles from its first corner. It must be flat (to 1e-3 of its
- * longest edge) and convex, otherwise it is an error. The surface must pass mesh_check. Vertices
+ * longest edge) and convex; otherwise it is an error. The surface must pass mesh_check. Vertices
  * are not merged, because merging could close an intended hole. Self-intersection is not detected.
  */
 #ifndef CONTACT_MESH_MESH_H

@@ -114,8 +114,8 @@ static void leaf_find_nearest(const struct solid *s, const struct tree_node *lea
     }
 }
 
-/* Branch and bound. Unlike the walks of contact/mesh/tree.h, this search visits the nearer child
- * first and keeps the distance of each box, so that a near point found early excludes most of the
+/* Searches by branch and bound. Unlike the walks of contact/mesh/tree.h, it visits the nearer child
+ * first and keeps the distance of each box. So a near point found early excludes most of the
  * tree. */
 bool solid_find_nearest(const struct solid *solid, const double p[3], double limit2,
                         struct solid_nearest *nearest)

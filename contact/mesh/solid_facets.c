@@ -370,9 +370,9 @@ enum error_code solid_make_outlines(struct solid_builder *b, struct solid *s)
 }
 
 /* Computes the moments of a polygon about the origin; corners counterclockwise, with the first
- * repeated at the end. Over the triangle between the origin and an edge, a product of n
- * coordinates integrates to its integral along the edge over n + 2. Three Gauss points are exact
- * for it up to the fifth degree. */
+ * repeated at the end. It sums over the triangles between the origin and each edge. The integral of
+ * a product of n coordinates over a triangle is its integral along the edge divided by n + 2. Three
+ * Gauss points are exact for it up to the fifth degree. */
 static void polygon_find_moments(const double *x, const double *y, int count,
                                  struct facet_moments *moments)
 {

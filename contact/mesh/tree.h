@@ -2,7 +2,7 @@
 /*
  * Bounding-volume tree: a binary tree of axis-aligned boxes over items that do not move in their
  * frame; meters. It is built once by median splits along the longest side. So its depth is the
- * logarithm of the number of items, the cost of a walk is bounded, and its order depends on the
+ * logarithm of the number of items, and the cost of a walk is bounded. Its order depends on the
  * boxes only. The arena owns its memory. Building is not RT-safe; boxes and walks are.
  */
 #ifndef CONTACT_MESH_TREE_H

@@ -134,7 +134,7 @@ static enum native_pair_kind pair_find_kind(enum contact_shape a, enum contact_s
 }
 
 /* Returns whether a pair's b must be its first surface. In a pressure field the larger mesh is the
- * carrier, so that the sides of a box on a table do not soften its rim. */
+ * carrier. Otherwise the sides of a box on a table would soften its rim. */
 static bool pair_is_turned(const struct contact_config *config, const struct contact_pair *pair,
                            const struct native_surface *surface)
 {

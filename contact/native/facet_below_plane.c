@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Closed forms over a facet below a plane. The place p, the depth D and the damping factor S = 1 -
- * c v of the springs are linear in x and y along the facet's axes. So the weights of a spring
- * (normal force k D S, stiffness k S, damping k c D, rate k) have at most degree two, and their
- * moments up to the second are sums over struct facet_moments. The four weights are the lanes.
+ * Closed forms over a facet below a plane. A spring has the point p, the depth D and the damping
+ * factor S = 1 - c v. All are linear in x and y along the facet's axes. So the weights of a spring
+ * (normal force k D S, stiffness k S, damping k c D, rate k) have at most degree two. Their moments
+ * up to the second are sums over struct facet_moments. The four weights are the lanes.
  */
 #include "contact/native/facet_below_plane.h"
 

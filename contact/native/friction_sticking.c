@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Sticking friction (stiction) of a pair in the native engine, by the bristle law of contact.h:
- * computes anchor, normal and center of pressure from the sums over the springs, then the friction
- * force, and the rates at which the bristles bend, yield and relax. All in the frame of the first
- * surface. The stored state is for b against a of the configured pair in the world frame; the twist
- * is equal for both surfaces. docs/contact.md explains the law.
+ * Sticking friction (stiction) of a pair in the native engine, by the bristle law of contact.h.
+ * Computes anchor, normal and center of pressure from the sums over the springs. Then computes the
+ * friction force, and the rates at which the bristles bend, yield and relax. All are in the frame
+ * of the first surface. The stored state is for b against a of the configured pair in the world
+ * frame; the twist is equal for both surfaces. docs/contact.md explains the law.
  */
 #include "contact/native/anchor.h"
 #include "contact/native/moments.h"
@@ -23,8 +23,8 @@
 enum { SCALE_STEPS = 6 };   /* Newton steps for the scale in patch_find_yield */
 #define SCALE_ACCURATE 1e-3 /* accuracy relative to YIELD_FROM */
 
-/* Range of the demand over the friction limit in which the force changes from the patch as a whole
- * to its springs, each with its own limit. */
+/* Range of the demand in which the friction changes from the patch as a whole to its springs one by
+ * one. */
 #define WHOLE_UNTIL 0.80
 #define WHOLE_NEVER 0.95
 
@@ -193,7 +193,7 @@ static void patch_place_bristles(const struct springs *s, struct native_anchor t
     }
 
     /* Twist axis (n + u)/(1 + n . u) in the first surface's frame. The anchor's axis u and the
-     * normal n are fixed in different surfaces, so the integral of the twist rate depends only on
+     * normal n are fixed in different surfaces. So the integral of the twist rate depends only on
      * their relative rotation */
     anchor_leave(s, &anchor);
     aligned = 1 / (1 + vec3_dot(anchor.axis, patch->normal));
@@ -204,8 +204,8 @@ static void patch_place_bristles(const struct springs *s, struct native_anchor t
     patch->inverse_radius = anchor.radius > 0 ? 1 / anchor.radius : 0;
 }
 
-/* Computes the sliding velocity of the first body against the second at the anchor and about the
- * twist axis, and the bend rates sqrt(s) v and sqrt(s) r w_n. */
+/* Computes the sliding velocity of the first body against the second, at the anchor and about the
+ * twist axis. Computes the bend rates sqrt(s) v and sqrt(s) r w_n. */
 static void slide_find(const struct springs *s, const struct sticking_patch *patch,
                        struct slide *slide)
 {

@@ -63,8 +63,9 @@ void friction_sums_gather(const struct native_batch *batch, const struct native_
  * moments of their normal forces. */
 void native_gather_add(const struct moments *normal, const double d[3], struct native_sum *sum);
 
-/* Computes held, most and open of sum->sticking. If its member keeps is set, also adds its power,
- * and the sticking friction of the springs, each up to its Coulomb limit, to force and moment. */
+/* Computes held, most and open of sum->sticking. If its member keeps is set, also adds the sticking
+ * friction of the springs to force and moment, and its power to sum->sticking. Each spring has its
+ * own Coulomb limit. */
 void friction_sums_hold(struct native_batch *batch, const struct native_law *law,
                         const struct native_relative *relative, struct native_sum *sum);
 

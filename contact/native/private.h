@@ -75,8 +75,8 @@ extern const struct contact_ops native_ops;
 extern const struct contact_ops native_ops_avx2, native_ops_avx512;
 #endif
 
-/* Computes poses and bounding volumes of the surfaces that are fixed in the world, and the radii of
- * all bounding volumes, which do not change. */
+/* Computes poses and bounding volumes of the surfaces that are fixed in the world. Computes the
+ * radii of all bounding volumes, which are constant. */
 void native_place_fixed_surfaces(struct native_engine *e);
 
 /* Narrow phase: finds the penetration of a pair's surfaces, places springs there, and computes the

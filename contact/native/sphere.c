@@ -34,8 +34,8 @@ struct circle {
     double R, h, r; /* radius of the sphere, height of its center, radius of the circle */
 };
 
-/* Computes the integrals of length times s ds and of its square from 0 to s, both over s^2, so
- * that they are defined at 0. */
+/* Computes the integrals of length times s ds and of its square from 0 to s. Both are divided by
+ * s^2, so that they are defined at 0. */
 static void circle_radial(const struct circle *c, double s, double *length, double *square)
 {
     double R = c->R, h = c->h, s2 = s * s, q = sqrt(R * R - s2 > 0 ? R * R - s2 : 0);
