@@ -27,7 +27,7 @@ struct task_runner {
     size_t nbus;
     struct can_port **port;
     struct clock *time;
-    int64_t grid_ns;  /* time grid of task_runner_run; 0 = starts at the call */
+    int64_t grid_ns;  /* task_runner_run steps at grid_ns + k periods; 0 = its start */
     atomic_bool stop; /* ends task_runner_run; any thread may set it */
     struct task_runner_status now;
     uint64_t steps;

@@ -251,7 +251,7 @@ static double patch_find_yield(const struct springs *s, const struct sticking_pa
     struct sticking_patch scaled = *patch;
     double scale = 0, part = 0, slope;
 
-    /* Without friction capacity no bend holds; within the limit nothing yields */
+    /* Without friction every bend yields; below the yield limit no bend does */
     if (!(patch->most > 0)) {
         return bristle_square(patch->bristle) > 0 ? 0 : 1;
     }

@@ -241,8 +241,7 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
         if (e->sticking) {
             friction_sticking_add(e, index, &relative, e->springs[e->npatch],
                                   batch->full || sum.closed, bristles, &sum);
-            e->springs[e->npatch].to =
-                batch->n; /* sticking friction may add springs that were not needed before */
+            e->springs[e->npatch].to = batch->n; /* may have grown */
         }
         pair_add_patch(e, index, &sum, motion, wrench);
     }
@@ -251,8 +250,8 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
 
 /* ---- functions of contact.h ---- */
 
-/* Moves the bounding balls to the bodies' places. pair_place_surfaces computes poses later, except
- * those of half-spaces, which the broad phase needs. */
+/* Moves the bounding balls to the present poses of the bodies. Computes the poses of half-spaces,
+ * which the broad phase needs; pair_place_surfaces computes the other poses later. */
 static void surfaces_move(struct native_engine *e, const struct body_motion *motion)
 {
     for (size_t i = 0; i < e->nsurface; i++) {
