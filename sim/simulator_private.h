@@ -119,8 +119,8 @@ void simulator_renew_view(struct simulator *simulator);
 /* Returns the first of the six columns of a body's contact wrench in a row. */
 size_t simulator_contact_column(const struct simulator *simulator, size_t contact);
 
-/* Lists the signals and creates the streams. Call it before the recorder, whose columns are the
- * first of the stream's. */
+/* Lists the signals and creates the streams. Call it before the recorder is created; the recorder
+ * records the first columns of the stream. */
 enum error_code simulator_create_signals(struct simulator *simulator, struct error *error);
 
 /* Writes the present value of each recorded signal; returns the address after the last one.

@@ -467,8 +467,8 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
             .body_b = e->surface[pair->surface[!turned]].body,
         };
 
-        /* About the patch's center. If a patch sticks as a whole and pushes one way, the moments
-         * of its springs are already known */
+        /* Sets the tangent's center to the patch's center. If a patch sticks as a whole and pushes
+         * one way, the moments of its springs are already known */
         vec3_sub(e->patch[i].center, a->p, arm);
         mat3_apply_transposed(a->R, arm, center);
         if (sticking && sticking->whole == 1 && native_pair_is_one_way(pair)) {

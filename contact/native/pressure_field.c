@@ -109,7 +109,7 @@ static void visit_add_springs(const struct visit *v, const struct visit_facet *f
     const size_t n = batch->n;
     double center[3], axis[2][3], d[3];
 
-    /* Plane and gradient in the frame of the pair's first surface, which the springs push */
+    /* Springs push the first surface, so transforms plane and gradient to the first's frame */
     if (v->turned) {
         mat3_apply(v->pair->relative->R, f->center, center);
         vec3_add_scaled(center, 1, v->pair->relative->p, center);
