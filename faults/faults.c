@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The table of faults, their activity, and the events when they begin and end. */
+/* Stores the faults, switches them on and off, and records an event at each change. */
 #include "faults/faults.h"
 
 #include "base/ring.h"
@@ -9,7 +9,7 @@
 
 enum { EVENT_SLOTS = 1024 };
 
-/* What switched the fault last: a command, or its time window. */
+/* Last cause of a fault's state: a command (off or on), or the fault's time window. */
 enum hand { HAND_OFF, HAND_ON, BY_CLOCK };
 
 struct faults {
@@ -41,7 +41,7 @@ enum error_code faults_create(const struct fault *fault, size_t count, uint64_t 
     ring_init(&faults->events, slots, sizeof(struct fault_event), EVENT_SLOTS);
     faults->seed = seed;
 
-    /* Copy each fault. A fault without a name gets its number. Names must differ */
+    /* Copy the faults. A fault without a name gets its number as its name. Names must be unique */
     for (size_t i = 0; i < count; i++) {
         struct fault *to = &faults->fault[i];
 

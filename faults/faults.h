@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The faults of a run: what fails, how, and when. A fault is written as one line,
+ * The faults of a run: each has a target, a kind and a time. A fault is written as one line,
  *
  *     [NAME:] TARGET KIND [PARAMETER...] [WHEN]
  *
@@ -24,21 +24,22 @@
  *   board NAME, board BUS/ADDRESS
  *   bus NAME
  *   supply
- *   valve JOINT, hydraulic_supply   of hydraulic joints
+ *   valve JOINT            of a hydraulic joint
+ *   hydraulic_supply
  *
  * The table in kinds.c has the kinds of each target with their parameters; faults_help lists them.
  * A parameter is KEY=VALUE; the first one may be VALUE alone. WHEN is FROM..TO in seconds of
  * virtual time; TO is exclusive and optional. With "manual" the fault starts inactive and
  * faults_set switches it. Without WHEN the fault is active from the start.
  *
- * This module holds the faults and whether each is active. Other modules read struct fault's active
- * and apply the effect: boards/sensing/sensing.h (sensors), boards/board_faults.c (boards),
+ * This module stores the faults and switches them. Other modules read the member `active` of struct
+ * fault and apply the effect: boards/sensing/sensing.h (sensors), boards/board_faults.c (boards),
  * canbus/fault_port.h (buses), model/plant_step.c (motors, valves, supplies). A fault is visible on
- * the buses by its effect, and in the log by its event. No board reports it in a frame, as on a
- * real robot.
+ * the buses by its effect, and in the log by its event. As on a real robot, no board reports the
+ * fault in a frame.
  *
- * Units: SI; times are int64_t ns of virtual time. Memory is the arena's. Functions say whether
- * they are RT-safe; functions that only read the table are.
+ * Units: SI; times are int64_t ns of virtual time. The arena owns the memory. Functions that
+ * only read the table are RT-safe.
  */
 #ifndef FAULTS_FAULTS_H
 #define FAULTS_FAULTS_H
@@ -64,7 +65,7 @@ enum fault_kind {
     /* sensor: reads 0; board: without power, boots afterwards; valve: without current, centered */
     FAULT_OFF,
     FAULT_STUCK,   /* repeats its last value; valve: keeps its position */
-    FAULT_GARBAGE, /* random values; board: random data */
+    FAULT_GARBAGE, /* sensor: random values; board: frames with random data */
     FAULT_WRONG,   /* wrong gain and offset */
     FAULT_SLOW,    /* sensor: a new value once per period; board: sends every n-th frame */
     FAULT_DELAYED, /* all values or frames are late */
@@ -92,8 +93,9 @@ enum fault_kind {
 
 enum { FAULT_NAME_SIZE = 64, FAULT_TEXT_SIZE = 160, FAULT_PARAMETERS = 2, FAULTS_MAX = 256 };
 
-/* Channels of all sensors, in one numbering: five of each joint, then six of each force-torque
- * sensor, then those of the inertial sensor: gyro, accelerometer, magnetometer, orientation. */
+/* Channels of a joint, and numbers of channels per sensor. The channels of all sensors have one
+ * numbering: five for each joint, then six for each force-torque sensor, then 13 for the inertial
+ * sensor (gyro, accelerometer, magnetometer, orientation). */
 enum sensor_channel {
     SENSOR_LINK_ENCODER,
     SENSOR_MOTOR_ENCODER,
@@ -120,7 +122,7 @@ struct fault {
     bool active;            /* only faults_step and faults_set write it */
 };
 
-/* Names that a fault's line may use. Pointers are borrowed during the call. */
+/* Names that a fault's line may use. The caller owns all arrays and strings. */
 struct fault_names {
     size_t njoint;
     const char *const *joint;
@@ -132,67 +134,69 @@ struct fault_names {
     bool imu;
     size_t nbus;
     const char *const *bus;
-    const bool *wire; /* per bus: a wire in virtual time */
+    const bool *wire; /* per bus: is in wire mode */
     size_t nboard;
     const char *const *board; /* names as in struct board_config */
     const size_t *board_bus;  /* bus of each board */
     const int *board_address;
 };
 
-/* Reads one line. The error says what was found, what was expected, and the nearest name. Not
+/* Parses one line. The error gives the word found, the words expected, and the nearest name. Not
  * RT-safe. */
 enum error_code fault_parse(const char *text, const struct fault_names *names, struct fault *fault,
                             struct error *error);
 
 /* Writes line number `line` of the list of all targets, kinds and parameters. Returns the number of
- * lines if text is NULL. Not RT-safe. */
+ * lines of the list. text may be NULL. Not RT-safe. */
 size_t faults_help(size_t line, char *text, size_t size);
 
-/* Receives the beginning of a fault's line, "TARGET KIND", and the meaning of the kind. Required
- * parameters and a time may follow it. Both strings are borrowed during the call. */
+/* Receives the beginning of a fault's line, "TARGET KIND", and the meaning of the kind. The user
+ * adds required parameters and a time window. Both strings are valid during the call. */
 typedef void (*fault_list_put)(void *context, const char *line, const char *means);
 
-/* Calls put for every fault that is possible with the names. Not RT-safe. */
+/* Calls put for every fault that is possible with these names. Not RT-safe. */
 void faults_list(const struct fault_names *names, fault_list_put put, void *context);
 
-/* Event that a fault began or ended. */
+/* An event: a fault began or ended. */
 struct fault_event {
     int64_t time_ns;
     size_t fault;
     bool active;
-    bool by_hand; /* by faults_set, not by its time window */
+    bool by_hand; /* faults_set switched it, not its time window */
 };
 
 struct faults;
 struct ring;
 
-/* Copies count faults (may be 0) and numbers those without a name. Refuses duplicate names. Memory
- * from arena. Not RT-safe. */
+/* Creates the table: copies `count` faults (0 is allowed). A fault without a name gets its number
+ * as its name. Refuses duplicate names. Memory from arena. Not RT-safe. */
 enum error_code faults_create(const struct fault *fault, size_t count, uint64_t seed,
                               struct arena *arena, struct faults **faults, struct error *error);
 
 size_t faults_count(const struct faults *faults);
 const struct fault *faults_at(const struct faults *faults, size_t index);
 
-/* Returns the seed of faults and noise. */
+/* Returns the seed of faults and noise. RT-safe. */
 uint64_t faults_seed(const struct faults *faults);
 
-/* Returns the index of a fault by name, -1 = none. RT-safe. */
+/* Returns the index of the fault with this name, or -1. RT-safe. */
 int faults_find(const struct faults *faults, const char *name);
 
-/* Starts and ends faults by their windows, at the beginning of the tick at now_ns. RT-safe. */
+/* Starts and ends faults by their time windows. Call it at the beginning of each tick; now_ns is
+ * the time of the tick. RT-safe. */
 void faults_step(struct faults *faults, int64_t now_ns);
 
-/* Switches a fault at now_ns; from then on its window is ignored. In the thread of faults_step.
- * Returns false when there is no such fault. RT-safe. */
+/* Switches a fault on or off at now_ns. Its time window then has no effect. Call it in the thread
+ * that calls faults_step. Returns false if the index is invalid. RT-safe. */
 bool faults_set(struct faults *faults, int64_t now_ns, size_t index, bool active);
 
-/* Returns the ring of events. A checkpoint must not restore it, because the reading thread writes
- * it too. */
+/* Returns the ring of events. A checkpoint must not restore it, because the thread that reads
+ * events also writes to it. RT-safe. */
 const struct ring *faults_event_ring(const struct faults *faults);
 
-/* Take an event (false = none waits) and format it as a log line (not RT-safe). From one other
- * thread. */
+/* faults_next_event takes the oldest event and returns false if there is none. fault_event_format
+ * writes it as a log line and is not RT-safe. Call both from one thread only; it may differ from
+ * the thread of faults_step. */
 bool faults_next_event(struct faults *faults, struct fault_event *event);
 void fault_event_format(const struct faults *faults, const struct fault_event *event, char *text,
                         size_t size);

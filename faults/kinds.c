@@ -22,7 +22,7 @@
         "flow", "m3/s", 0.0, 1e-2, true, 0.0                                                       \
     }
 
-/* A kind of fault: its target, word, meaning, whether it needs wire mode, its parameters. */
+/* One row: target, kind, word, meaning, whether the kind needs wire mode, parameters. */
 #define RULE(of, what, word, means, wire, ...)                                                     \
     {                                                                                              \
         FAULT_##of, FAULT_##what, word, means, wire,                                               \
@@ -117,7 +117,7 @@ size_t faults_help(size_t line, char *text, size_t size)
     if (!text || line >= FAULT_RULES) {
         return FAULT_RULES;
     }
-    /* Target and kind, parameters, meaning */
+    /* Write the target and the kind, then the parameters, then the meaning */
     used = snprintf(text, size, "%s ... %s", fault_target_words[rule->target], rule->word);
     for (int i = 0; i < FAULT_PARAMETERS && used > 0 && (size_t)used < size; i++) {
         const struct fault_parameter *p = &rule->parameter[i];

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The words of a fault's line (faults/faults.h): targets, their kinds, parameters with units and
- * ranges, sensor channels. Immutable; RT-safe.
+ * Tables of the words in a fault's line (faults/faults.h): the targets, their kinds, the parameters
+ * with units and ranges, and the sensor channels. Immutable data; RT-safe.
  */
 #ifndef FAULTS_KINDS_H
 #define FAULTS_KINDS_H
@@ -10,7 +10,8 @@
 
 enum { FAULT_RULES = 33, FAULT_TARGETS = 7 };
 
-/* [0].key NULL = no parameters; values outside min to max are refused. */
+/* A parameter of a kind. key is NULL in unused entries. The parser refuses values outside [min,
+ * max]. */
 struct fault_parameter {
     const char *key, *unit;
     double min, max;
@@ -30,8 +31,8 @@ struct fault_rule {
 
 extern const struct fault_rule fault_rules[FAULT_RULES];
 
-/* Words of the targets, by enum fault_target, and of the sensor channels of a joint, a force-torque
- * sensor and the inertial sensor, by enum sensor_channel. */
+/* Words of the targets, indexed by enum fault_target. Then the words of the sensor channels of a
+ * joint, a force-torque sensor and the inertial sensor, in the order of enum sensor_channel. */
 extern const char *const fault_target_words[FAULT_TARGETS];
 extern const char *const sensor_joint_channels[SENSOR_JOINT_CHANNELS];
 extern const char *const sensor_ft_channels[SENSOR_FT_CHANNELS];

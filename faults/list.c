@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Lists every fault that is possible with some names: the beginning of its line. */
+/* Lists the possible faults of a rig. Each is listed by the beginning of its line. */
 #include "faults/kinds.h"
 
 #include <stdio.h>
 
-/* Receiver of the valid lines of a target. */
+/* The names to combine, and the function that receives the lines. */
 struct fault_lister {
     const struct fault_names *names;
     fault_list_put put;
     void *context;
 };
 
-/* Lists the kinds of a target, "TARGET KIND" each, that the names allow. */
+/* Lists "TARGET KIND" for each kind that the parser accepts. text: "TARGET". */
 static void fault_list_kinds(const struct fault_lister *lister, enum fault_target target,
                              const char *text)
 {
@@ -30,7 +30,7 @@ static void fault_list_kinds(const struct fault_lister *lister, enum fault_targe
         if (length >= FAULT_TEXT_SIZE) {
             continue;
         }
-        /* The parser needs the required parameters; the listed line ends before them */
+        /* Add the required parameter for the parser. The listed line omits it */
         if (needed->key && needed->required) {
             snprintf(line + length, sizeof line - (size_t)length, " %s=%.9g", needed->key,
                      needed->max);
@@ -42,7 +42,7 @@ static void fault_list_kinds(const struct fault_lister *lister, enum fault_targe
     }
 }
 
-/* Lists the kinds of a target for one name, and its channel unless NULL. */
+/* Lists the kinds of a target with this name. channel: sensor channel, or NULL. */
 static void fault_list_target(const struct fault_lister *lister, enum fault_target target,
                               const char *name, const char *channel)
 {
@@ -53,7 +53,7 @@ static void fault_list_target(const struct fault_lister *lister, enum fault_targ
     fault_list_kinds(lister, target, text);
 }
 
-/* Lists the faults of all sensors, per channel and for whole sensors. */
+/* Lists the faults of all sensors: of each channel, and of each whole sensor. */
 static void fault_list_sensors(const struct fault_lister *lister)
 {
     const struct fault_names *names = lister->names;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads a fault from its line of text (faults/faults.h): a name, a target, a kind, the rest. */
+/* Parses a fault's line (faults/faults.h): name, target, kind, parameters and time. */
 #include "faults/kinds.h"
 
 #include "base/text.h"
@@ -18,7 +18,7 @@ struct fault_reader {
     struct error *error;
 };
 
-/* Sets the error for a word, or for the end of the line. */
+/* Sets the error for an unexpected word, or for an unexpected end of the line. */
 static enum error_code fault_refuse_word(struct fault_reader *r, const char *found,
                                          const char *expected)
 {
@@ -63,7 +63,7 @@ static enum error_code fault_split_line(struct fault_reader *r)
 {
     char *rest = NULL;
 
-    /* The line is repeated in messages and logs, so it must be plain text */
+    /* Messages and logs repeat the line, so it must not contain control characters */
     for (const char *at = r->line; *at; at++) {
         if (((unsigned char)*at < 0x20 && *at != '\t') || *at == 0x7f) {
             return error_set(r->error, ERROR_INPUT,
@@ -87,13 +87,13 @@ static enum error_code fault_split_line(struct fault_reader *r)
     return ERROR_NONE;
 }
 
-/* Returns the word at the reader's place, or NULL at the end. */
+/* Returns the next word without consuming it, or NULL at the end of the line. */
 static const char *fault_next_word(const struct fault_reader *r)
 {
     return r->at < r->count ? r->word[r->at] : NULL;
 }
 
-/* Reads an optional name before the target, "knee:". */
+/* Reads the optional name of the fault, such as "knee:". */
 static enum error_code fault_read_name(struct fault_reader *r, struct fault *fault)
 {
     char *word = r->count ? r->word[0] : NULL;
@@ -111,7 +111,7 @@ static enum error_code fault_read_name(struct fault_reader *r, struct fault *fau
     return ERROR_NONE;
 }
 
-/* Reads a joint, which must have the target's type of drive. */
+/* Reads the name of a joint. Refuses a joint whose drive does not fit the target. */
 static enum error_code fault_read_motor(struct fault_reader *r, const char *name,
                                         struct fault *fault)
 {
@@ -135,7 +135,8 @@ static enum error_code fault_read_motor(struct fault_reader *r, const char *name
     return ERROR_NONE;
 }
 
-/* Reads a channel of the group that starts at `first`; without a channel, takes the whole group. */
+/* Reads a channel of a sensor whose first channel is `first`. Without a channel, selects all
+ * channels of the sensor. */
 static enum error_code fault_read_channel(struct fault_reader *r, const char *channel,
                                           const char *const *channels, size_t count, size_t first,
                                           struct fault *fault)
@@ -161,7 +162,7 @@ static enum error_code fault_read_sensor(struct fault_reader *r, const char *tex
     const char *channel = NULL;
     char *dot;
 
-    /* SENSOR or SENSOR.CHANNEL, unless the whole is the name of a force-torque sensor */
+    /* Split the word at its last dot, unless the whole word is the name of a force-torque sensor */
     snprintf(name, sizeof name, "%s", text);
     dot = strrchr(name, '.');
     if (dot && !fault_find_word(name, names->ft, names->nft, &index)) {
@@ -169,7 +170,7 @@ static enum error_code fault_read_sensor(struct fault_reader *r, const char *tex
         channel = dot + 1;
     }
 
-    /* A fault may affect the whole inertial or force-torque sensor */
+    /* The inertial sensor and force-torque sensors accept faults of the whole sensor */
     if (names->imu && !strcmp(name, "imu")) {
         return fault_read_channel(r, channel, sensor_imu_channels, SENSOR_IMU_CHANNELS,
                                   ft_first + names->nft * SENSOR_FT_CHANNELS, fault);
@@ -179,7 +180,7 @@ static enum error_code fault_read_sensor(struct fault_reader *r, const char *tex
                                   ft_first + index * SENSOR_FT_CHANNELS, fault);
     }
 
-    /* A fault of a joint's sensor affects one channel */
+    /* A joint's sensor needs a channel */
     if (!fault_find_word(name, names->joint, names->njoint, &index)) {
         bool no_ft = text_nearest(name, names->joint, names->njoint) || names->nft == 0;
 
@@ -223,14 +224,14 @@ static enum error_code fault_read_board(struct fault_reader *r, const char *text
                              names->nboard);
 }
 
-/* Reads the type of the target and its name. */
+/* Reads the target: its type, then its name. */
 static enum error_code fault_read_target(struct fault_reader *r, struct fault *fault)
 {
     static const char expected[] = "sensor, board, motor, bus, supply, valve or hydraulic_supply";
     const char *word = fault_next_word(r), *name;
     size_t target;
 
-    /* The type */
+    /* Find the type of the target */
     if (!word) {
         return fault_refuse_word(r, NULL, expected);
     }
@@ -250,7 +251,7 @@ static enum error_code fault_read_target(struct fault_reader *r, struct fault *f
         return ERROR_NONE;
     }
 
-    /* The name */
+    /* Find the name of the target */
     name = fault_next_word(r);
     if (!name) {
         return fault_refuse_word(r, NULL, "what is broken");
@@ -271,7 +272,7 @@ static enum error_code fault_read_target(struct fault_reader *r, struct fault *f
     }
 }
 
-/* Reads the kind, which the target must support. */
+/* Reads the kind of the fault. Refuses kinds that the target does not support. */
 static enum error_code fault_read_kind(struct fault_reader *r, struct fault *fault,
                                        const struct fault_rule **out)
 {
@@ -300,7 +301,7 @@ static enum error_code fault_read_kind(struct fault_reader *r, struct fault *fau
                              count);
 }
 
-/* Reads the time in which the fault is active. */
+/* Reads the time window, FROM..TO or "manual". */
 static enum error_code fault_read_window(struct fault_reader *r, const char *word,
                                          struct fault *fault)
 {
@@ -324,13 +325,13 @@ static enum error_code fault_read_window(struct fault_reader *r, const char *wor
     return ERROR_NONE;
 }
 
-/* Returns whether a word is a time. */
+/* Returns whether a word is a time window, FROM..TO or "manual". */
 static bool fault_is_window(const char *word)
 {
     return strstr(word, "..") || !strcmp(word, "manual");
 }
 
-/* Reads a parameter of the kind, or the identifier of a bus's frames. */
+/* Reads a parameter of the kind, or id=... of a fault on a bus. */
 static enum error_code fault_read_parameter(struct fault_reader *r, const struct fault_rule *rule,
                                             const char *word, bool given[FAULT_PARAMETERS],
                                             struct fault *fault)
@@ -340,14 +341,14 @@ static enum error_code fault_read_parameter(struct fault_reader *r, const struct
     char expected[128];
     double value;
 
-    /* A fault of a bus may be limited to one identifier */
+    /* id limits a fault on a bus to frames with one identifier */
     if (length == 2 && !strncmp(word, "id", 2) && fault->target == FAULT_BUS) {
         return text_to_int(equals + 1, 0, 0x1fffffff, &fault->id)
                    ? ERROR_NONE
                    : fault_refuse_word(r, word, "id=0 to id=0x1fffffff");
     }
 
-    /* KEY=VALUE, or the first parameter's value alone */
+    /* A parameter is KEY=VALUE. The first parameter may be VALUE alone */
     for (int i = 0; i < FAULT_PARAMETERS; i++) {
         const struct fault_parameter *p = &rule->parameter[i];
         bool meant = p->key &&
@@ -374,7 +375,7 @@ static enum error_code fault_read_parameter(struct fault_reader *r, const struct
     return fault_refuse_word(r, word, expected);
 }
 
-/* Reads the parameters and the time; missing parameters get their defaults. */
+/* Reads the parameters and the time window. Missing parameters get their defaults. */
 static enum error_code fault_read_parameters(struct fault_reader *r, const struct fault_rule *rule,
                                              struct fault *fault)
 {
@@ -384,7 +385,7 @@ static enum error_code fault_read_parameters(struct fault_reader *r, const struc
         fault->value[i] = rule->parameter[i].otherwise;
     }
 
-    /* Parameters come first, the time ends the line */
+    /* Parameters come first. The time window ends the line */
     for (const char *word = fault_next_word(r); word; word = fault_next_word(r)) {
         enum error_code code;
 
