@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the answers that describe the simulator, as JSON. If a key fails (out of memory), the whole
+/* Makes the answers that describe the simulator, as JSON. If memory for a key is missing, the whole
  * object becomes NULL. */
 #include "control/private.h"
 
@@ -21,7 +21,7 @@ void control_append(json_t **array, json_t *value)
     }
 }
 
-/* Sets a key of an object; when out of memory the object becomes NULL. */
+/* Sets a key of an object. Out of memory: the object becomes NULL. */
 static void control_put(json_t **object, const char *key, json_t *value)
 {
     if (json_object_set_new(*object, key, value)) {
@@ -42,7 +42,7 @@ json_t *control_hello(const struct control *control)
 
 /* ---- status ---- */
 
-/* Returns the protocol's name of a port's state, shorter than can_port_state_name. */
+/* Returns the name of a port's state in the protocol. It is shorter than can_port_state_name's. */
 static const char *protocol_state_name(int64_t state)
 {
     static const char *const names[] = {
@@ -55,8 +55,8 @@ static const char *protocol_state_name(int64_t state)
     return state >= 0 && state <= CAN_PORT_STUCK ? names[state] : "unknown";
 }
 
-/* Returns the load of a bus (0 to 1) since the status `before`, or since the start when time was
- * set back. */
+/* Returns the load of a bus (0 to 1) since the status `before`. Returns the load since the start if
+ * a reset or restore has set the time back. */
 static double status_bus_load(const struct rig_bus *bus, const struct bus_status *now,
                               int64_t time_ns, const struct bus_status *before, int64_t before_ns)
 {
@@ -67,7 +67,7 @@ static double status_bus_load(const struct rig_bus *bus, const struct bus_status
     return span > 0.0 ? bits / span / (double)bus->bitrate : 0.0;
 }
 
-/* Makes the list of buses with their counters, and loads since the status `before`. */
+/* Makes the list of buses: their counters, and their loads since the status `before`. */
 static json_t *status_buses(const struct control *control, const struct simulator_status *now,
                             const struct simulator_status *before)
 {
@@ -155,7 +155,7 @@ static json_t *status_external(const struct control *control, const struct simul
     return array;
 }
 
-/* Makes name, status and message of the task; null without one. */
+/* Makes the name, status and message of the task; JSON null without a task. */
 static json_t *status_task(const struct control *control)
 {
     static const char *const names[] = {
@@ -195,7 +195,7 @@ json_t *control_status(const struct control *control, struct control_client *cli
     json_t *body;
 
     simulator_read(control->config.simulator, &now);
-    /* What is simulated, its time and its parts; loads are means since this client's last status */
+    /* The loads of buses are means since this client's last status */
     body = json_pack(
         "{s:o, s:o, s:o, s:o, s:o, s:s, s:o, s:b, s:b, s:I, s:f, s:f, s:f, s:I, s:I, s:o, s:o, "
         "s:o, s:o, s:o, s:{s:I, s:I, s:I, s:I}, s:o}",

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Serves the clients of the control socket: receives lines, sends answers, disconnects clients. */
+/* Serves the clients of the control socket: accepts connections, receives lines, sends answers,
+ * disconnects clients. */
 #include "control/private.h"
 
 #include <errno.h>
@@ -10,10 +11,10 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-/* Most lines and connections in one turn, before other clients are served. */
+/* Largest numbers of lines and of connections per turn, so that other clients are served too. */
 enum { LINES_A_TURN = 32, ACCEPTS_A_TURN = 32 };
 
-/* Keys of the log. */
+/* Keys of log lines. */
 enum { KEY_CUT = 1, KEY_REFUSED };
 
 void control_log(struct control *control, uint64_t key, const char *format, ...)
@@ -48,7 +49,8 @@ void control_drop(struct control *control, struct control_client *client)
     control_forget(control, client);
 }
 
-/* Counts, logs and disconnects a client, after sending what the system takes at once. */
+/* Disconnects a client: sends as many bytes as the system accepts at once, then counts and logs the
+ * event. */
 static void client_disconnect(struct control *control, struct control_client *client,
                               uint64_t *counter, const char *reason)
 {
@@ -59,7 +61,7 @@ static void client_disconnect(struct control *control, struct control_client *cl
     control_drop(control, client);
 }
 
-/* Sends as much as the system takes at once. */
+/* Sends as many bytes of the outbox as the system accepts at once. */
 void control_flush(struct control *control, struct control_client *client)
 {
     while (client->socket >= 0 && client_unsent(client) > 0) {
@@ -82,8 +84,8 @@ void control_flush(struct control *control, struct control_client *client)
     client->sent = client->filled = 0;
 }
 
-/* Makes room for size bytes at the end of the outbox by moving the unsent bytes to its front; NULL
- * = no room. */
+/* Returns a pointer to `size` free bytes at the end of the outbox. Moves the unsent bytes to the
+ * front if needed. Returns NULL if the outbox is too full. */
 char *control_room(struct control *control, struct control_client *client, size_t size)
 {
     if (client_unsent(client) == 0) {
@@ -97,7 +99,7 @@ char *control_room(struct control *control, struct control_client *client, size_
     return client->filled + size > CONTROL_OUTBOX ? NULL : client->outbox + client->filled;
 }
 
-/* Appends text to the outbox; without room it is dropped. */
+/* Appends text to the outbox. Drops the text if the outbox is too full. */
 static void client_put_text(struct control *control, struct control_client *client,
                             const char *text)
 {
@@ -110,7 +112,7 @@ static void client_put_text(struct control *control, struct control_client *clie
     }
 }
 
-/* Appends an object as a line; without room, a short error replaces it. */
+/* Appends an object as a line. If the outbox is too full, appends a short error instead. */
 static void put_object(struct control *control, struct control_client *client, const json_t *object)
 {
     const size_t flags = JSON_COMPACT | JSON_REAL_PRECISION(15);
@@ -127,7 +129,7 @@ static void put_object(struct control *control, struct control_client *client, c
     client->filled += size + 1;
 }
 
-/* Sends an answer: id, "ok" and body. Takes over body; NULL = out of memory. */
+/* Sends an answer: id, "ok" and body. Takes ownership of body; NULL means out of memory. */
 static void put_answer(struct control *control, struct control_client *client, const json_t *id,
                        bool ok, json_t *body)
 {
@@ -181,7 +183,7 @@ static void client_refuse_line(struct control *control, struct control_client *c
     }
 }
 
-/* Checks whether a line holds spaces only. */
+/* Returns whether a line has only white space. */
 static bool is_blank(const char *line, size_t size)
 {
     while (size > 0 &&
@@ -191,7 +193,7 @@ static bool is_blank(const char *line, size_t size)
     return size == 0;
 }
 
-/* Parses a line and carries its request out; blank lines are skipped. */
+/* Parses a line and carries out its request. Skips blank lines. */
 static void client_obey_line(struct control *control, struct control_client *client,
                              const char *line, size_t size)
 {
@@ -240,13 +242,14 @@ static void client_skip_line(struct control *control, struct control_client *cli
     client_refuse_line(control, client, NULL, &error);
 }
 
-/* Carries out one line of the inbox; false = no complete line. */
+/* Carries out one line of the inbox. Returns false if there is no complete line, or if the client
+ * was disconnected. */
 static bool client_next_line(struct control *control, struct control_client *client)
 {
     char *end = memchr(client->inbox, '\n', client->received);
     size_t size = end ? (size_t)(end - client->inbox) : client->received;
 
-    /* The last line may lack its end if the client has closed its side */
+    /* The last line needs no newline if the client has closed its sending side */
     if (!end && client->ended && client->received > 0) {
         client->received = 0;
         if (!client->skipping) {
@@ -261,7 +264,7 @@ static bool client_next_line(struct control *control, struct control_client *cli
         return false;
     }
 
-    /* A complete line, or the end of one that was too long */
+    /* Carry out a complete line. The end of a line that was too long is skipped */
     if (client->skipping) {
         client->skipping = false;
         client->line++;
@@ -269,7 +272,7 @@ static bool client_next_line(struct control *control, struct control_client *cli
         client_obey_line(control, client, client->inbox, size);
     }
 
-    /* Move the following bytes to the front, unless the line disconnected the client */
+    /* Move the bytes after the line to the front, if the client is still connected */
     if (client->socket >= 0) {
         client->received -= size + 1;
         memmove(client->inbox, end + 1, client->received);
@@ -307,13 +310,13 @@ bool control_read_requests(struct control *control, struct control_client *clien
     return control_carry_out_requests(control, client);
 }
 
-/* Once per turn: drops a client that has ended or is too slow. */
+/* Disconnects a client that has ended or is too slow. Called once per turn. */
 void control_check(struct control *control, struct control_client *client)
 {
     if (client->socket < 0) {
         return;
     }
-    /* It does not read its answers, or does not complete its line */
+    /* Timeout: the client does not read its answers, or does not complete its line */
     if (client_unsent(client) > 0 && control->now_ns - client->taken_ns > control->patience_ns) {
         client_disconnect(control, client, &control->counters.cut_slow,
                           "it does not drain its answers");
@@ -324,7 +327,7 @@ void control_check(struct control *control, struct control_client *client)
                        "found half a line and then nothing, expected its end", NULL);
         client_disconnect(control, client, &control->counters.cut_silent,
                           "it stopped in the middle of a line");
-        /* It has closed its side and has received everything */
+        /* The client has closed its sending side and has received everything */
     } else if (client_unsent(client) == 0 && client->ended && client->received == 0 &&
                client->waiting == WAITING_NOT && client->subscription.count == 0) {
         control_drop(control, client);
@@ -333,7 +336,8 @@ void control_check(struct control *control, struct control_client *client)
 
 /* ---- new connections ---- */
 
-/* Checks whether a client waits for nothing, and nothing of it waits to be read. */
+/* Returns whether a client is idle: no waiting request, no subscription, no unsent and no unread
+ * bytes. */
 static bool client_is_idle(const struct control_client *client)
 {
     char byte;
@@ -343,8 +347,9 @@ static bool client_is_idle(const struct control_client *client)
            recv(client->socket, &byte, 1, MSG_PEEK | MSG_DONTWAIT) <= 0;
 }
 
-/* Returns a place for a new client: a free one, that of the client that has been idle for the
- * longest time, or the last one, for urgent commands; NULL = no place. */
+/* Returns a place for a new client, or NULL. First choice: a free place. Then: the place of the
+ * client that has been idle for the longest time, which is disconnected. Then: the last place, for
+ * urgent commands. */
 static struct control_client *control_find_place(struct control *control)
 {
     struct control_client *last = &control->client[CONTROL_CLIENTS], *oldest = NULL;
@@ -367,7 +372,7 @@ static struct control_client *control_find_place(struct control *control)
     return oldest;
 }
 
-/* Answers a connection with an error and closes it. */
+/* Sends an error to a new connection and closes it. */
 static void client_refuse_connection(struct control *control, int socket, pid_t pid,
                                      const char *code, const char *reason)
 {
@@ -408,7 +413,8 @@ static void client_accept(struct control *control, int socket)
     }
 }
 
-/* Checks whether all places are taken and a client has hung up: the next turns free its place. */
+/* Returns whether all places are taken, but a client has hung up. The next turns will free its
+ * place. */
 static bool control_is_about_to_free(const struct control *control)
 {
     struct pollfd fd[CONTROL_CLIENTS];

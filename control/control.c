@@ -9,22 +9,23 @@
 #include <unistd.h>
 
 enum {
-    EVENTS = 64,           /* lines for the log, a power of two */
-    IDLE_MS = 1000,        /* interval of checks for slow clients, ms */
-    BUSY_MS = 1,           /* interval of checks for answers of the loop, ms */
-    ROWS_MS = 5,           /* interval of checks for new rows, ms */
-    ACCEPT_PAUSE_MS = 100, /* pause of accepting after the system refused a connection, ms */
+    EVENTS = 64,    /* capacity for log lines, a power of two */
+    IDLE_MS = 1000, /* interval of checks for slow clients, ms */
+    BUSY_MS = 1,    /* interval of checks for answers of the loop, ms */
+    ROWS_MS = 5,    /* interval of checks for new rows, ms */
+    ACCEPT_PAUSE_MS =
+        100, /* delay before accepting again after the system refused a connection, ms */
 };
 
-/* How long a client may be slow or silent, ns. */
+/* Default timeout of a slow or silent client, ns. */
 #define PATIENCE_NS (30 * CLOCK_SECOND)
-#define MEMORY ((size_t)16 << 20) /* of address space */
+#define MEMORY ((size_t)16 << 20) /* size of the server's arena in address space, bytes */
 
 /* ---- the thread ---- */
 
 enum { POLL_FIXED = 2, POLL_COUNT = POLL_FIXED + CONTROL_PLACES };
 
-/* Fills in the descriptors to poll, and for how long at most, ms. */
+/* Fills in the descriptors to poll and the longest time to wait, ms. */
 static void control_prepare_poll(const struct control *control, bool accepts,
                                  struct pollfd fd[POLL_COUNT], int *timeout_ms)
 {
@@ -47,7 +48,7 @@ static void control_prepare_poll(const struct control *control, bool accepts,
     }
 }
 
-/* Handles the events of a client; true = more lines than fit in one turn. */
+/* Handles the poll events of a client. Returns true if further lines wait for the next turn. */
 static bool control_serve_client(struct control *control, struct control_client *client,
                                  short events)
 {
@@ -55,7 +56,7 @@ static bool control_serve_client(struct control *control, struct control_client 
         return false;
     }
     if ((events & (POLLHUP | POLLERR)) && (client->ended || !control_may_read(client))) {
-        /* Closed in both directions: an answer has no receiver */
+        /* The connection is closed in both directions, so no answer can arrive */
         control_drop(control, client);
         return false;
     }
@@ -66,7 +67,7 @@ static bool control_serve_client(struct control *control, struct control_client 
            control_read_requests(control, client);
 }
 
-/* Serves the clients from the first order until the order to stop; the thread's main function. */
+/* Runs the thread: waits for an order, then serves the clients until the order to stop. */
 static void *control_thread_main(void *context)
 {
     struct control *control = context;
@@ -76,7 +77,7 @@ static void *control_thread_main(void *context)
     uint64_t orders;
     bool more = false;
 
-    /* The order to serve or to stop */
+    /* Wait for the order to serve or to stop */
     while (atomic_load(&control->order) == CONTROL_ORDER_WAIT) {
         poll(&order, 1, -1);
     }
@@ -87,11 +88,11 @@ static void *control_thread_main(void *context)
 
         control_prepare_poll(control, control->now_ns >= accept_ns, fd, &timeout_ms);
         if (poll(fd, POLL_COUNT, more ? 0 : timeout_ms) < 0) {
-            memset(fd, 0, sizeof fd); /* a signal, or no memory: poll again */
+            memset(fd, 0, sizeof fd); /* interrupted, or out of memory: poll again */
         }
 
-        /* Take answers of the loop first, so that answers keep their order; then new lines and
-         * rows */
+        /* Pass on the answers of the loop first, so that answers keep their order. Then serve new
+         * lines and rows */
         control->now_ns = clock_now(clock);
         more = control_pump(control);
         for (size_t i = 0; i < CONTROL_PLACES; i++) {
@@ -114,7 +115,7 @@ static void *control_thread_main(void *context)
 
 /* ---- start and stop ---- */
 
-/* Allocates the server and its clients' buffers in an arena of its own. */
+/* Allocates the server and its clients' buffers in the server's own arena. */
 static enum error_code control_allocate(const struct control_config *config, struct arena *arena,
                                         struct control **out, struct error *error)
 {
@@ -189,13 +190,13 @@ fail_allocate:
     return code;
 }
 
-/* Gives the thread an order and wakes it. */
+/* Gives the thread an order and wakes the thread. */
 static void give_order(struct control *control, enum control_order order)
 {
     const uint64_t one = 1;
 
     atomic_store(&control->order, (int)order);
-    /* Cannot fail: the counter is small */
+    /* Cannot fail, because the counter of the eventfd is far from its limit */
     (void)!write(control->event, &one, sizeof one);
 }
 
@@ -218,7 +219,7 @@ bool control_next_event(struct control *control, uint64_t *key, char *text, size
     if (!ring_pop(&control->events, &event)) {
         return false;
     }
-    /* the upper half distinguishes the key from those of simulator_next_event */
+    /* The upper half makes the key different from the keys of simulator_next_event */
     *key = UINT64_C(6) << 32 | event.key;
     snprintf(text, size, "%s", event.text);
     return true;

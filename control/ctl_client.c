@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Connects to the control socket of a running simulator, and exchanges lines with it. */
+/* Connects to the control socket of a running simulator, sends requests and reads lines. */
 #include "control/ctl_client.h"
 
 #include "control/socket.h"
@@ -12,8 +12,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-/* Chooses the socket: the given path, else COMAN_HIL_CONTROL, else that of the newest running
- * simulator. */
+/* Chooses the path of the socket: the given path, else COMAN_HIL_CONTROL, else the socket of the
+ * newest running simulator. */
 static enum error_code ctl_choose_socket(struct ctl_client *client, const char *path,
                                          struct error *error)
 {
@@ -64,14 +64,14 @@ enum error_code ctl_send(struct ctl_client *client, const json_t *object, struct
     if (!line) {
         return error_set(error, ERROR_MEMORY, "no memory for a request");
     }
-    line[size] = '\n'; /* replaces the terminating zero */
+    line[size] = '\n'; /* overwrites the terminating zero */
     for (size_t sent = 0; sent <= size && !code;) {
         ssize_t count = send(client->socket, line + sent, size + 1 - sent, MSG_NOSIGNAL);
 
         if (count > 0) {
             sent += (size_t)count;
         } else if (count < 0 && errno == EPIPE) {
-            break; /* refused: read the reason */
+            break; /* the server has refused the connection: read its reason */
         } else if (count == 0 || errno != EINTR || *client->interrupted) {
             code = error_set_errno(error, errno, "cannot write to %s", client->path);
         }
@@ -80,7 +80,7 @@ enum error_code ctl_send(struct ctl_client *client, const json_t *object, struct
     return code;
 }
 
-/* Returns the next complete line of the inbox, zero-terminated; NULL = there is none. */
+/* Returns the next complete line of the inbox, zero-terminated, or NULL if there is none. */
 static char *ctl_take_line(struct ctl_client *client)
 {
     char *begin = client->inbox + client->read;
@@ -94,13 +94,13 @@ static char *ctl_take_line(struct ctl_client *client)
     return begin;
 }
 
-/* Waits up to 100 ms for bytes. false = nothing to read; *heard = CTL_LINE means continue to
- * wait. */
+/* Waits up to 100 ms for bytes. Returns whether there are bytes to read. Sets *heard to
+ * CTL_INTERRUPTED after a signal, else to CTL_LINE. */
 static bool wait_readable(struct ctl_client *client, enum ctl_line_status *heard)
 {
     enum { SLICE_MS = 100 };
     struct pollfd fd = {.fd = client->socket, .events = POLLIN};
-    /* Wait in slices, so that a signal just before poll is noticed */
+    /* A short wait, because poll does not notice a signal that arrived just before it */
     const int ready = poll(&fd, 1, SLICE_MS);
 
     if (*client->interrupted) {
@@ -127,7 +127,7 @@ enum ctl_line_status ctl_read_line(struct ctl_client *client, char **line, struc
             return CTL_FAILED;
         }
 
-        /* Receive more bytes, until the deadline or an interrupt */
+        /* Wait for more bytes; a signal ends the wait */
         if (!wait_readable(client, &heard)) {
             if (heard != CTL_LINE) {
                 return heard;

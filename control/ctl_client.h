@@ -23,15 +23,16 @@ struct ctl_client {
 
 enum ctl_line_status { CTL_LINE, CTL_END, CTL_INTERRUPTED, CTL_FAILED };
 
-/* Connects to path; else to the environment's COMAN_HIL_CONTROL; else to the newest running
- * simulator, with a line on stderr if there are several. */
+/* Connects to `path`. If path is NULL, connects to the path in the environment variable
+ * COMAN_HIL_CONTROL. Without either, connects to the newest running simulator, and prints a line on
+ * stderr if there are several. */
 enum error_code ctl_connect(struct ctl_client *client, const char *path, struct error *error);
 
-/* Sends an object as a line. */
+/* Sends a JSON object as a line. */
 enum error_code ctl_send(struct ctl_client *client, const json_t *object, struct error *error);
 
-/* Reads the next line, without its end, zero-terminated, valid until the next call. CTL_END: the
- * server has closed the connection. error is set only with CTL_FAILED. */
+/* Reads the next line: zero-terminated, without its newline, valid until the next call. CTL_END:
+ * the server has closed the connection. Only CTL_FAILED sets error. */
 enum ctl_line_status ctl_read_line(struct ctl_client *client, char **line, struct error *error);
 
 void ctl_close(struct ctl_client *client);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Prints answers as text. A missing key prints as empty or zero, because the server may have
- * another version. */
+/* Prints answers as text. Missing keys print as empty or zero, because the server may have another
+ * version. */
 #include "control/ctl_print.h"
 
 #include "base/array.h"
@@ -11,9 +11,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { COLUMN = 12 }; /* least width of a value of a row */
+enum { COLUMN = 12 }; /* smallest width of a value in a row */
 
-/* Returns a text of an object; "" = no such key. */
+/* Returns the text of a key of an object; "" if the key is missing. */
 static const char *text_of(const json_t *object, const char *key)
 {
     const char *found = json_string_value(json_object_get(object, key));
@@ -128,7 +128,7 @@ static void ctl_print_buses(const json_t *answer, FILE *out)
     }
 }
 
-/* Prints names and numbers of an object, three to a line. */
+/* Prints the keys and numbers of an object, three per line. */
 static void print_values(const char *title, json_t *object, int digits, FILE *out)
 {
     const char *name;
@@ -193,7 +193,7 @@ void ctl_print_status(const json_t *answer, FILE *out)
 
 /* ---- statistics ---- */
 
-/* Prints a histogram as a line of a table, us; nothing if it is empty. */
+/* Prints a histogram as a row of a table, us. Prints nothing if the histogram is empty. */
 static void ctl_print_histogram(const char *name, const json_t *of, FILE *out)
 {
     if (integer_of(of, "count") > 0) {

@@ -8,22 +8,22 @@
 #include <stdbool.h>
 #include <stdio.h>
 
-/* Makes a line printable (text_make_printable) and parses it; the caller owns the answer. Its names
- * and texts cannot control a terminal, because the server may be a foreign program. NULL = not
- * JSON, or out of memory. */
+/* Makes a line printable (text_make_printable) and parses it. The server may be a foreign program;
+ * its names and texts cannot control a terminal. The caller owns the answer. Returns NULL if the
+ * line is not JSON, or out of memory. */
 json_t *ctl_parse_printable(char *line);
 
 void ctl_print_hello(const json_t *answer, FILE *out);
 void ctl_print_status(const json_t *answer, FILE *out);
 void ctl_print_statistics(const json_t *answer, FILE *out);
 
-/* Prints a list. */
+/* Prints the answer to list. */
 void ctl_print_list(const json_t *answer, FILE *out);
 
-/* Prints the tunable of an answer to get. */
+/* Prints the tunable in the answer to get. */
 void ctl_print_tunable(const json_t *answer, FILE *out);
 
-/* Prints when the loop has carried out a command: tick, time, hash. */
+/* Prints tick, time and state hash at which a command took effect. what: text before them. */
 void ctl_print_moment(const char *what, const json_t *answer, FILE *out);
 
 /* Print the titles and the rows of a subscription, aligned or as CSV like signals.csv. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carries out requests: at once, by the loop, or at a tick. */
+/* Carries out requests: at once, through the simulation loop, or when a tick is reached. */
 #include "control/private.h"
 
 #include "base/text.h"
@@ -8,12 +8,12 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { KEY_STOP = 16 }; /* a key of the log */
+enum { KEY_STOP = 16 }; /* key of a log line */
 
 /* ---- names ---- */
 
 /* Finds the index of a name in a list. The error suggests the nearest name. what: word for an
- * entry. */
+ * entry, for the error. */
 static enum error_code find_name(const struct control *control, enum control_list list,
                                  const char *what, const char *name, size_t *index,
                                  struct error *error)
@@ -40,7 +40,7 @@ static enum error_code find_name(const struct control *control, enum control_lis
 
 /* ---- requests to the loop ---- */
 
-/* Completes a loop's request to set a tunable, within its range. */
+/* Fills in a request to the loop that sets a tunable. Refuses a value out of range. */
 static enum error_code request_complete_set(const struct control *control,
                                             const struct control_request *request,
                                             struct loop_request *to, struct error *error)
@@ -63,7 +63,7 @@ static enum error_code request_complete_set(const struct control *control,
     return ERROR_NONE;
 }
 
-/* The kinds of the commands that the loop carries out, plus one; 0 = others. */
+/* For each command: 1 + the kind of its request to the loop; 0 = the loop is not needed. */
 static const int loop_kinds[CONTROL_COMMANDS] = {
     [CONTROL_PAUSE] = REQUEST_PAUSE + 1,     [CONTROL_RESUME] = REQUEST_RESUME + 1,
     [CONTROL_RESET] = REQUEST_RESET + 1,     [CONTROL_STEP] = REQUEST_STEP + 1,
@@ -72,14 +72,15 @@ static const int loop_kinds[CONTROL_COMMANDS] = {
     [CONTROL_PUSH] = REQUEST_PUSH + 1,       [CONTROL_SET] = REQUEST_SET + 1,
 };
 
-/* Makes the loop's request from a client's; names become indices here, outside the loop. */
+/* Converts a client's request to a request to the loop. Names become indices here, so the loop does
+ * not search. */
 static enum error_code make_loop_request(const struct control *control,
                                          const struct control_request *request,
                                          struct loop_request *to, struct error *error)
 {
     *to = (struct loop_request){
         .kind = (enum request_kind)(loop_kinds[request->command] - 1),
-        .index = (size_t)request->count, /* the slot of a checkpoint */
+        .index = (size_t)request->count, /* slot of the checkpoint */
         .count = (uint64_t)request->count,
         .value = request->value,
         .on = request->on,
@@ -99,14 +100,14 @@ static enum error_code make_loop_request(const struct control *control,
     }
 }
 
-/* Hands the request to the loop, or waits for room in its ring. */
+/* Sends the request to the loop, or waits for free space in the loop's ring. */
 static void client_ask_loop(struct control *control, struct control_client *client)
 {
     client->waiting =
         requests_ask(control->config.requests, &client->loop_request) ? WAITING_LOOP : WAITING_ROOM;
 }
 
-/* Begins a request that the loop carries out, or refuses it. */
+/* Begins a request to the loop, or refuses an invalid one. */
 static void begin_loop_request(struct control *control, struct control_client *client)
 {
     struct error error;
@@ -116,8 +117,8 @@ static void begin_loop_request(struct control *control, struct control_client *c
         control_request_clear(&client->request);
         return;
     }
-    /* The ticket identifies the loop's answer. It also contains the slot of the checkpoint, in case
-     * the client has left by then */
+    /* The ticket identifies the loop's answer. It also contains the slot of the checkpoint, because
+     * the client may have left before the answer */
     client->loop_request.ticket = ++control->tickets * CHECKPOINT_SLOTS;
     if (client->loop_request.kind == REQUEST_CHECKPOINT) {
         client->loop_request.ticket += client->loop_request.index;
@@ -135,7 +136,7 @@ static void answer_now(struct control *control, struct control_client *client)
     json_t *body = NULL;
     size_t index;
 
-    /* A NULL body without another error means out of memory */
+    /* Default error: a NULL body without another error means out of memory */
     error_set(&error, ERROR_MEMORY, "no memory for the answer");
     switch (request.command) {
     case CONTROL_HELLO:
@@ -192,7 +193,7 @@ void control_execute(struct control *control, struct control_client *client)
 
 /* ---- waiting ---- */
 
-/* Returns the reason of a refusal by the loop, in terms of this run. */
+/* Returns the text of a refusal by the loop, with the reason in this run. */
 static const char *verdict_text(const struct control *control, enum control_command command,
                                 enum request_verdict verdict)
 {
@@ -243,7 +244,7 @@ static void finish_loop_request(struct control *control, struct control_client *
     control_request_clear(&request);
 }
 
-/* Takes the loop's answers and passes each to the client that waits for it. */
+/* Receives the loop's answers and passes each answer to the client that waits for it. */
 static void take_loop_answers(struct control *control)
 {
     struct request_answer answer;
@@ -266,7 +267,7 @@ static void take_loop_answers(struct control *control)
     }
 }
 
-/* Answers a client whose tick or time has been reached. */
+/* Answers a wait request when its tick or time has been reached. */
 static void answer_when_reached(struct control *control, struct control_client *client)
 {
     struct simulator_status status = {0};

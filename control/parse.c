@@ -81,7 +81,7 @@ static const struct request_key keys[] = {
 static const struct request_table requests = {command_names, CONTROL_COMMANDS, keys,
                                               ARRAY_COUNT(keys)};
 
-/* Returns the index of a word; count = there is none. */
+/* Returns the index of a word in a list, or count if it is not there. */
 static size_t find_word(const char *word, const char *const *words, size_t count)
 {
     size_t at = 0;
@@ -92,7 +92,8 @@ static size_t find_word(const char *word, const char *const *words, size_t count
     return at;
 }
 
-/* Refuses a word outside a list and suggests the nearest. what: kind of the word. */
+/* Refuses a word that is not in a list and suggests the nearest word. what: kind of the word, for
+ * the error. */
 static enum error_code refuse_word(const char *command, const char *what, const char *word,
                                    const char *const *words, size_t count, struct error *error)
 {
@@ -109,7 +110,7 @@ static enum error_code refuse_word(const char *command, const char *what, const 
 
 /* ---- values ---- */
 
-/* Returns the type of a JSON value in words. */
+/* Returns the name of the type of a JSON value. */
 static const char *json_type_name(const json_t *value)
 {
     static const char *const names[] = {
@@ -121,7 +122,7 @@ static const char *json_type_name(const json_t *value)
     return names[json_typeof(value)];
 }
 
-/* Reads a number within the key's range; 7.0 counts as whole. */
+/* Reads a number and checks the key's range. 7.0 counts as a whole number. */
 static enum error_code read_number(const char *command, const struct request_key *key,
                                    const json_t *value, double *to, struct error *error)
 {
@@ -144,8 +145,8 @@ static enum error_code read_number(const char *command, const struct request_key
     return ERROR_NONE;
 }
 
-/* Checks that a value is an array with elements of one type, and that their number is in the key's
- * range. */
+/* Checks that a value is an array, that its elements have one type, and that their number is in the
+ * key's range. */
 static enum error_code check_array(const char *command, const struct request_key *key,
                                    const json_t *value, double least, double most, bool names,
                                    struct error *error)
@@ -292,7 +293,7 @@ static enum error_code request_read_id(struct control_request *request, struct e
     return ERROR_NONE;
 }
 
-/* Writes why a request has no valid command, with the nearest one. */
+/* Refuses a missing or unknown command. The error suggests the nearest command. */
 static enum error_code request_refuse_command(const json_t *value, struct error *error)
 {
     const char *text = json_string_value(value), *nearest;
@@ -341,7 +342,7 @@ enum error_code control_parse(const char *line, size_t size, uint64_t number,
     *request = (struct control_request){.count = 1, .period_ms = 10.0};
     request->root = json_loadb(line, size, JSON_REJECT_DUPLICATES, &wrong);
     if (!request->root) {
-        /* Jansson has no text when out of memory, and in some cases a wrong one */
+        /* Out of memory: Jansson leaves the text empty, or in some cases writes a wrong text */
         return wrong.text[0] == '\0'
                    ? error_set(error, ERROR_MEMORY, "no memory for the request")
                    : error_set(error, ERROR_INPUT,
@@ -353,7 +354,7 @@ enum error_code control_parse(const char *line, size_t size, uint64_t number,
         return error_set(error, ERROR_INPUT, "line %" PRIu64 ": found %s, expected a JSON object",
                          number, json_type_name(request->root));
     }
-    /* Report errors in this order: id, command, keys */
+    /* Check the id first, so that a refusal has it; then the command, then its keys */
     code = request_read_id(request, error);
     if (code) {
         return code;
@@ -382,7 +383,8 @@ bool control_matches(const char *pattern, const char *name)
 {
     const char *star = NULL, *from = NULL;
 
-    /* A star matches as few characters as possible, and one more when the rest does not match */
+    /* A star first matches no characters. Whenever the rest of the pattern fails, it matches one
+     * more */
     while (*name) {
         if (*pattern == '*') {
             star = ++pattern;

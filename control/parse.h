@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Parses a request of the control socket (control/control.h) from a line of text: first JSON, then
- * a table of the keys of each command. Does not look up names of tunables, signals and so on. Not
- * RT-safe.
+ * Parses a line of text as a request of the control socket (control/control.h): first as JSON, then
+ * by a table of the keys of each command. It does not check whether the named tunables, signals and
+ * so on exist. Not RT-safe.
  */
 #ifndef CONTROL_PARSE_H
 #define CONTROL_PARSE_H
@@ -59,7 +59,7 @@ struct control_request {
     double value;      /* value of set, factor of speed */
     bool on;
     int64_t count;  /* ticks of step, slot, tick of wait */
-    bool wait_time; /* wait: by time_s, not by tick */
+    bool wait_time; /* wait: true = until time_s, false = until a tick */
     double time_s;  /* time of wait, duration of push */
     double force_n[3], moment_nm[3];
     const json_t *signals; /* a non-empty array of strings */
@@ -86,7 +86,7 @@ struct request_key {
     double min, max; /* range of numbers; KEY_NAMES: range of their count */
 };
 
-/* The commands of one side with their keys; each command also has "id" and "cmd". */
+/* A table of commands and their keys. Each command also has the keys "id" and "cmd". */
 struct request_table {
     const char *const *command;
     size_t ncommand;
@@ -94,16 +94,16 @@ struct request_table {
     size_t nkey;
 };
 
-/* Finds the command of a request; -1 = not in the table. */
+/* Returns the index of the request's command, or -1 if it is not in the table. */
 int request_find_command(const struct request_table *table, const json_t *root);
-/* Reads the keys of a command into the fields of request; missing keys leave their fields
+/* Copies the values of a command's keys to the fields of request. Missing keys leave their fields
  * unchanged. */
 enum error_code request_read_keys(const struct request_table *table, int command, json_t *root,
                                   void *request, struct error *error);
 
-/* Parses one line (size bytes, without its end). number: line number from 1, for messages. An error
- * is one printable line; root and id are then set if they were parsed. The caller must always call
- * control_request_clear. */
+/* Parses one line of size bytes, without its newline. number: line number from 1, for messages. The
+ * text of an error is one printable line. After an error, root and id are set if they were parsed.
+ * The caller must always call control_request_clear. */
 enum error_code control_parse(const char *line, size_t size, uint64_t number,
                               struct control_request *request, struct error *error);
 
@@ -113,12 +113,12 @@ void control_request_clear(struct control_request *request);
 const char *control_command_name(enum control_command command);
 const char *control_list_name(enum control_list list);
 
-/* Checks whether a name matches a pattern with * (any characters) and ? (one). */
+/* Returns whether a name matches a pattern: * matches any characters, ? matches one. */
 bool control_matches(const char *pattern, const char *name);
 
 /* Makes a string for an answer. If text is not UTF-8 (a truncated character, or arbitrary bytes of
  * a client), every non-ASCII byte becomes "?". NULL = out of memory. */
 json_t *control_text(const char *text);
-json_t *control_number(double value); /* null if not finite */
+json_t *control_number(double value); /* Makes a number for an answer; JSON null if not finite */
 
 #endif

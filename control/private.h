@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Functions and state that the files of the control socket share (control/control.h). control.c has
- * the thread, clients.c the bytes of a client, execute.c carries out requests, answer.c makes
- * answers about the simulator, rows.c serves subscriptions. All run in the server's thread, except
- * functions of control.h. Not RT-safe.
+ * Functions and state that the files of the control socket share (control/control.h). control.c
+ * runs the thread, clients.c receives and sends lines, execute.c carries out requests, answer.c
+ * makes answers about the simulator, and rows.c serves subscriptions. All functions run in the
+ * server's thread, except the functions of control.h. Not RT-safe.
  */
 #ifndef CONTROL_PRIVATE_H
 #define CONTROL_PRIVATE_H
@@ -15,44 +15,45 @@
 
 #include <pthread.h>
 
-/* One place more than clients: whoever gets it may only pause, resume and stop. */
+/* CONTROL_PLACES: one more than clients. The client in the last place may only pause, resume and
+ * stop the run. */
 enum { CONTROL_EVENT_TEXT = 240, CONTROL_PLACES = CONTROL_CLIENTS + 1 };
 
-/* The event that an answer to a client's request waits for. */
+/* The event for which a client's request waits. */
 enum control_waiting {
     WAITING_NOT,
-    WAITING_ROOM, /* room in the ring to the loop */
+    WAITING_ROOM, /* free space in the ring to the loop */
     WAITING_LOOP, /* the loop's answer */
     WAITING_TICK, /* a tick or a time */
 };
 
 struct control_subscription {
     size_t count;         /* number of signals; 0 = no subscription */
-    uint16_t *signal;     /* indices of the signals; room for all */
+    uint16_t *signal;     /* indices of the signals; capacity for all signals */
     uint64_t period;      /* in ticks */
     uint64_t rows;        /* rows sent to the client */
     uint64_t missed;      /* rows missed in total */
     uint64_t missed_told; /* missed rows already reported */
-    bool begun;           /* a row has been seen, at `tick` */
+    bool begun;           /* there was a row; `tick` is the tick of the last one */
     uint64_t tick;
-    uint64_t lost; /* last value of struct stream_row's lost */
+    uint64_t lost; /* member `lost` of the last struct stream_row */
 };
 
 struct control_client {
     int socket; /* -1 = free place */
     pid_t pid;
     uint64_t line; /* number of the last line */
-    unsigned junk; /* wrong lines since the last valid one */
+    unsigned junk; /* invalid lines since the last valid line */
     bool counted;  /* has sent a request */
     bool ended;    /* has closed its sending side */
     bool skipping; /* skips the rest of a line that was too long */
     size_t received;
-    char *inbox; /* CONTROL_LINE */
+    char *inbox; /* CONTROL_LINE bytes */
     size_t sent, filled;
-    char *outbox;         /* CONTROL_OUTBOX bytes; those from sent to filled wait */
+    char *outbox;         /* CONTROL_OUTBOX bytes; bytes `sent` to `filled` are unsent */
     int64_t last_byte_ns; /* time of the last received byte */
-    uint64_t activity;    /* number of its connection, or of its last received bytes */
-    /* time when the client last took a byte, or when the outbox began to fill */
+    uint64_t activity;    /* grows with each connection and with each receipt of bytes */
+    /* last time when the client accepted bytes, or when the empty outbox got bytes */
     int64_t taken_ns;
 
     enum control_waiting waiting;
@@ -60,7 +61,7 @@ struct control_client {
     struct control_request request; /* the waiting request */
 
     struct control_subscription subscription;
-    bool seen; /* `before` holds the last status */
+    bool seen; /* `before` is valid: the last status sent to this client */
     struct simulator_status before;
 };
 
@@ -76,8 +77,8 @@ struct control {
     struct control_config config;
     const struct rig *rig;
     struct control_socket socket;
-    struct arena arena;  /* the server's own arena, because the simulator's is sealed */
-    int event;           /* eventfd: order has changed */
+    struct arena arena;  /* the server's arena; the simulator's arena is sealed */
+    int event;           /* eventfd; wakes the thread when order has changed */
     _Atomic int order;   /* enum control_order */
     atomic_bool stopped; /* a client has stopped the run */
     pthread_t thread;
@@ -85,7 +86,7 @@ struct control {
     int64_t now_ns; /* time of this turn */
     uint64_t tickets, activities;
     struct control_counters counters;
-    /* the moment of each checkpoint; ticket 0 = empty */
+    /* tick, time and hash of each checkpoint; ticket 0 = empty slot */
     struct request_answer slot[CHECKPOINT_SLOTS];
     struct ring events;         /* struct control_event */
     struct histogram histogram; /* copy for statistics */
@@ -97,26 +98,29 @@ struct control {
 void control_log(struct control *control, uint64_t key, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* Accepts the waiting connections; false = the system refused one (no descriptor left). */
+/* Accepts the waiting connections. Returns false if the system refused one because no descriptor is
+ * left. */
 bool control_accept(struct control *control);
 
-/* Receives bytes and carries out complete lines, a limited number per call; true = more are
- * waiting. */
+/* control_read_requests receives bytes and carries out complete lines; control_carry_out_requests
+ * only carries out lines already received. Both limit the number of lines per call and return true
+ * if more are waiting. */
 bool control_read_requests(struct control *control, struct control_client *client);
 bool control_carry_out_requests(struct control *control, struct control_client *client);
 
-/* Checks whether the client's next bytes may be received and its next request carried out. */
+/* Returns whether the server may receive the client's next bytes and carry out its next request. */
 bool control_may_read(const struct control_client *client);
 
 void control_flush(struct control *control, struct control_client *client);
 void control_check(struct control *control, struct control_client *client);
 void control_drop(struct control *control, struct control_client *client);
 
-/* Returns room for size bytes at the end of the outbox; the caller adds them to `filled`. NULL = no
- * room. */
+/* Returns a pointer to `size` free bytes at the end of the outbox, or NULL if it has no space. The
+ * caller writes the bytes and adds their number to `filled`. */
 char *control_room(struct control *control, struct control_client *client, size_t size);
 
-/* Sends the answer to a request, with its id and "ok". Takes over body; NULL = out of memory. */
+/* Send the answer to a request, with its id and "ok": control_answer for success, control_refuse
+ * for an error. Both take ownership of body. A NULL body of control_answer means out of memory. */
 void control_answer(struct control *control, struct control_client *client, const json_t *id,
                     json_t *body);
 void control_refuse(struct control *control, struct control_client *client, const json_t *id,
@@ -124,11 +128,12 @@ void control_refuse(struct control *control, struct control_client *client, cons
 
 /* ---- execute.c ---- */
 
-/* Carries out client->request, or starts to. Takes over the request and clears it. */
+/* Carries out client->request, or begins to. Takes ownership of the request and clears it when it
+ * is answered. */
 void control_execute(struct control *control, struct control_client *client);
 
-/* Continues the waiting requests: for room in the ring, answers of the loop, a tick. true = a
- * client has more to carry out. */
+/* Continues requests that wait for free space in the ring, for the loop's answer or for a tick.
+ * Returns true if a client has further lines to carry out. */
 bool control_pump(struct control *control);
 
 /* Answers every waiting request at the end of the run. */
@@ -142,21 +147,24 @@ json_t *control_statistics(struct control *control);
 json_t *control_list(const struct control *control, const struct control_request *request);
 json_t *control_tunable(const struct control *control, size_t index);
 
-/* Returns the name of a list's entry; NULL = no such index. */
+/* Returns the name of an entry of a list, or NULL if the index is too large. */
 const char *control_list_entry(const struct control *control, enum control_list list, size_t index);
-/* Appends a value and takes it over; when out of memory the array becomes NULL. */
+/* Appends a value and takes ownership of it. Out of memory: the array becomes NULL. */
 void control_append(json_t **array, json_t *value);
 json_t *control_hash(uint64_t hash);
 
 /* ---- rows.c ---- */
 
-/* Begin and end a subscription. NULL with an error: unknown signal, or invalid period. */
+/* Begin and end a subscription; both return the body of the answer. control_subscribe returns NULL
+ * with an error for an unknown signal or an invalid period. control_forget ends a subscription
+ * without an answer. */
 json_t *control_subscribe(struct control *control, struct control_client *client,
                           const struct control_request *request, struct error *error);
 json_t *control_unsubscribe(struct control *control, struct control_client *client);
 void control_forget(struct control *control, struct control_client *client);
 
-/* Sends new rows to their subscribers, a limited number per call; true = more are waiting. */
+/* Sends new rows to their subscribers, a limited number per call. Returns true if more rows are
+ * waiting. */
 bool control_rows(struct control *control);
 
 #endif

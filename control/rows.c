@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Serves subscriptions: which rows the loop makes, and which signals each client gets. */
+/* Serves subscriptions: requests rows from the loop, and sends each client its signals. */
 #include "control/private.h"
 
 #include "base/text.h"
@@ -10,14 +10,14 @@
 #include <string.h>
 
 enum {
-    ROWS_A_TURN = 1024, /* the capacity of a stream, so that one turn takes all waiting rows */
-    ROW_BYTES = 128,    /* bytes of a row without its values */
-    VALUE_BYTES = 26,   /* bytes of a number in %.15g and a comma */
-    /* Most bytes of rows in an outbox; the rest is for answers */
+    ROWS_A_TURN = 1024, /* capacity of the stream, so that one turn can send all waiting rows */
+    ROW_BYTES = 128,    /* length of a row without its values, bytes */
+    VALUE_BYTES = 26,   /* length of a number in %.15g and a comma, bytes */
+    /* Largest number of bytes of rows in an outbox; the rest is for answers */
     ROWS_OUTBOX = CONTROL_OUTBOX / 2,
 };
 
-/* Returns the greatest common divisor; b = 0 gives a. */
+/* Returns the greatest common divisor of a and b; a if b is 0. */
 static uint64_t common_divisor(uint64_t a, uint64_t b)
 {
     while (b) {
@@ -29,8 +29,8 @@ static uint64_t common_divisor(uint64_t a, uint64_t b)
     return a;
 }
 
-/* Requests rows from the loop at the largest period (ticks) that serves all subscribers; 0 = no
- * subscribers. */
+/* Requests rows from the loop at the largest period (ticks) that serves all subscribers. Without
+ * subscribers the period is 0: no rows. */
 static void want_rows(struct control *control)
 {
     uint64_t period = 0;
@@ -47,7 +47,7 @@ static void want_rows(struct control *control)
 
 /* ---- subscribing ---- */
 
-/* Checks whether a subscription has a signal already. */
+/* Returns whether a subscription already has a signal. */
 static bool has_signal(const struct control_subscription *of, size_t signal)
 {
     for (size_t i = 0; i < of->count; i++) {
@@ -104,7 +104,7 @@ static enum error_code check_period(const struct control *control,
     return ERROR_NONE;
 }
 
-/* Makes the answer to a subscription: its signals and period; NULL = no memory. */
+/* Makes the answer to a subscription: its signals and period. Returns NULL if out of memory. */
 static json_t *subscription_answer(const struct control *control,
                                    const struct control_subscription *to)
 {
@@ -125,7 +125,7 @@ json_t *control_subscribe(struct control *control, struct control_client *client
     enum error_code code;
     json_t *body = NULL;
 
-    /* A new subscription replaces the old one, even if it fails */
+    /* The old subscription ends, even if the new one fails */
     control_forget(control, client);
     code = check_period(control, request, &to->period, error);
     for (size_t i = 0; i < json_array_size(request->signals) && !code; i++) {
@@ -164,7 +164,7 @@ json_t *control_unsubscribe(struct control *control, struct control_client *clie
 
 /* ---- rows ---- */
 
-/* Returns how many rows between the last one and this one the stream has lost. */
+/* Returns the number of rows that the stream lost between the previous row and this row. */
 static uint64_t lost_before(struct control_subscription *to, const struct stream_row *row)
 {
     uint64_t lost = 0;
@@ -172,7 +172,7 @@ static uint64_t lost_before(struct control_subscription *to, const struct stream
     if (to->begun && row->tick > to->tick) {
         lost = row->tick / to->period - to->tick / to->period - 1;
     } else if (to->begun) {
-        lost = row->lost - to->lost; /* time has gone back: this is an upper bound */
+        lost = row->lost - to->lost; /* a reset or restore has set the time back: an upper bound */
     }
     to->begun = true;
     to->tick = row->tick;
@@ -180,7 +180,8 @@ static uint64_t lost_before(struct control_subscription *to, const struct stream
     return lost;
 }
 
-/* Writes a row as a line of JSON, with the number of missed rows before it; returns its length. */
+/* Writes a row as a line of JSON, with the number of missed rows before it. Returns the length of
+ * the line. */
 static size_t format_row(const struct control_subscription *to, const struct stream_row *row,
                          uint64_t missed, char *text)
 {
@@ -202,7 +203,7 @@ static size_t format_row(const struct control_subscription *to, const struct str
     return (size_t)(at - text);
 }
 
-/* Sends a row to a subscriber, or counts it as missed when there is no room. */
+/* Sends a row to a subscriber. Counts the row as missed if the outbox is too full. */
 static void give_row(struct control *control, struct control_client *client,
                      const struct stream_row *row)
 {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The path of the control socket: a server claims and releases it, a client finds it. */
+/* Claims and releases the path of the control socket for a server, and finds it for a client. */
 #include "control/socket.h"
 
 #include <errno.h>
@@ -17,13 +17,13 @@
 
 enum {
     BACKLOG = 16,
-    INSTANCES_MAX = 16, /* most runs of one rig with default paths */
-    LOCK_TRIES = 100,   /* tries, 10 ms apart */
+    INSTANCES_MAX = 16, /* largest number of runs of one rig with default paths */
+    LOCK_TRIES = 100,   /* number of attempts to lock, 10 ms apart */
 };
 
-static const char service_directory[] = "/run/coman-hil"; /* for services and for root */
+static const char service_directory[] = "/run/coman-hil"; /* directory of services and of root */
 
-/* Makes the address of a path; ERROR_INPUT if it is empty or too long. */
+/* Makes the address of a path. Returns ERROR_INPUT if the path is empty or too long. */
 static enum error_code make_address(const char *path, struct sockaddr_un *address,
                                     struct error *error)
 {
@@ -43,8 +43,8 @@ static enum error_code make_address(const char *path, struct sockaddr_un *addres
 
 /* ---- taking a path ---- */
 
-/* Opens and locks the directory of a path against other starting servers. Returns its descriptor,
- * -1 with an error. */
+/* Opens and locks the directory of a path, so that no other server can start there. Returns the
+ * descriptor of the directory, or -1 with an error. */
 static int lock_directory(const char *path, struct error *error)
 {
     const struct timespec pause = {.tv_nsec = 10000000};
@@ -73,7 +73,7 @@ static int lock_directory(const char *path, struct error *error)
     return -1;
 }
 
-/* Checks whether a process listens at the address. Returns 0, else the errno of connect. */
+/* Returns 0 if a process listens at the address, else the errno of connect. */
 static int socket_probe_listener(const struct sockaddr_un *address)
 {
     int descriptor = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0), reason = 0;
@@ -81,7 +81,7 @@ static int socket_probe_listener(const struct sockaddr_un *address)
     if (descriptor < 0) {
         return errno;
     }
-    /* EAGAIN: it listens, but its backlog is full */
+    /* EAGAIN: a process listens, but its backlog is full */
     if (connect(descriptor, (const struct sockaddr *)address, sizeof *address) && errno != EAGAIN) {
         reason = errno;
     }
@@ -89,7 +89,8 @@ static int socket_probe_listener(const struct sockaddr_un *address)
     return reason;
 }
 
-/* Removes the socket of a dead process at the address; *taken = a living process has it. */
+/* Removes the socket of a dead process at the address. Sets *taken if a living process listens
+ * there. */
 static enum error_code clear_place(const struct sockaddr_un *address, bool *taken,
                                    struct error *error)
 {
@@ -120,8 +121,7 @@ static enum error_code clear_place(const struct sockaddr_un *address, bool *take
     return ERROR_NONE;
 }
 
-/* Binds and listens. The mode and the mask are set before bind, so that other users can never
- * connect. */
+/* Binds and listens. The mode is set before bind, so that other users can never connect. */
 static enum error_code listen_there(const struct sockaddr_un *address,
                                     struct control_socket *socket_out, struct error *error)
 {
@@ -137,7 +137,7 @@ static enum error_code listen_there(const struct sockaddr_un *address,
         close(descriptor);
         return ERROR_SYSTEM;
     }
-    errno = EPERM; /* the mode admits others; a failed call sets its own errno */
+    errno = EPERM; /* errno if the mode lets other users in; a failed call sets another errno */
     if (lstat(address->sun_path, &made) || (made.st_mode & (S_IRWXG | S_IRWXO)) != 0 ||
         listen(descriptor, BACKLOG)) {
         error_set_errno(error, errno, "control socket: cannot keep %s to its owner",
@@ -153,7 +153,8 @@ static enum error_code listen_there(const struct sockaddr_un *address,
     return ERROR_NONE;
 }
 
-/* Opens the socket at a path, with its directory locked; *taken = a living process has the path. */
+/* Opens the socket at a path while its directory is locked. Sets *taken if a living process listens
+ * there. */
 static enum error_code open_at(const char *path, struct control_socket *socket, bool *taken,
                                struct error *error)
 {
@@ -209,8 +210,8 @@ void control_socket_close(struct control_socket *socket)
 
 /* ---- default paths ---- */
 
-/* Checks whether a path is a directory (not a link) of this user that no other user can write
- * to. */
+/* Returns whether a path is a directory (not a link) that belongs to this user and to which no
+ * other user can write. */
 static bool directory_is_own(const char *path)
 {
     struct stat found;
@@ -221,9 +222,9 @@ static bool directory_is_own(const char *path)
 
 enum { USER_DIRECTORIES = 3 };
 
-/* Lists the directories for sockets of manual runs in order of preference; the caller checks
- * whether they are usable. XDG_RUNTIME_DIR may be unset or another user's (su, sudo). A login
- * provides the second directory. The last one exists even in a container. Returns their number. */
+/* Lists the directories for sockets of manual runs in order of preference, and returns their
+ * number. The caller checks whether they are usable. XDG_RUNTIME_DIR may be unset, or may belong to
+ * another user (su, sudo). A login provides /run/user/UID. /tmp exists even in a container. */
 static int user_directories(char directory[USER_DIRECTORIES][CONTROL_PATH_SIZE])
 {
     const char *runtime = getenv("XDG_RUNTIME_DIR");
@@ -263,8 +264,8 @@ static enum error_code make_user_directory(const char *path, struct error *error
     return ERROR_NONE;
 }
 
-/* Finds the directory of the service manager: the first entry of RUNTIME_DIRECTORY, a list with
- * colons. False = none. */
+/* Finds the directory of the service manager: the first entry of RUNTIME_DIRECTORY, a list
+ * separated by colons. Returns false if there is none. */
 static bool manager_directory(char directory[CONTROL_PATH_SIZE])
 {
     const char *given = getenv("RUNTIME_DIRECTORY");
@@ -294,7 +295,7 @@ enum error_code control_socket_open_default(const char *name, struct control_soc
     if (code) {
         return code;
     }
-    /* The first free name: RIG.sock, RIG-2.sock, ... */
+    /* Listen at the first free name: RIG.sock, RIG-2.sock, ... */
     for (int i = 1; taken && i <= INSTANCES_MAX; i++) {
         if (i == 1) {
             snprintf(path, sizeof path, "%s/%.63s.sock", directory[0], name);
@@ -389,7 +390,7 @@ size_t control_socket_find(char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE])
     int directories = user_directories(directory);
     size_t count = 0;
 
-    /* The simulator may have used any of the directories */
+    /* Search all directories, because the simulator may have used any of them */
     for (int i = 0; i < directories; i++) {
         if (directory_is_own(directory[i]) && strcmp(directory[i], service_directory) != 0) {
             snprintf(pattern, sizeof pattern, "%.*s/*.sock", CONTROL_PATH_SIZE - 1, directory[i]);
