@@ -27,11 +27,12 @@ double coupling_force(const struct robot_coupling *coupling, double error, doubl
 /* Adds the torques that F exerts on both joints. */
 void coupling_press(const struct robot_coupling *coupling, double force, double *torque);
 
-/* coupling_energy returns the stored energy at an error, J; coupling_loss the damper's loss, W. */
+/* coupling_energy returns the energy stored at an error, J. coupling_loss returns the loss of the
+ * damper, W. */
 double coupling_energy(const struct robot_coupling *coupling, double error);
 double coupling_loss(const struct robot_coupling *coupling, double rate);
 
-/* Largest error (rad or m) of a follower's position in a file: files have six digits. */
+/* Largest error of a follower's position in a file, rad or m. Files have six digits. */
 #define COUPLING_ALIGNED 1e-6
 
 /* Moves each follower to the position that its leader gives. */
@@ -47,13 +48,13 @@ void coupling_align(const struct robot *robot, double *q);
  * Computations, 2.1.4). It is solved for the forces, which stay moderate for stiff couplings.
  * compliance 0 makes the coupling rigid. */
 
-/* Fills the lower triangle of factor (n x n, by rows) with the Cholesky factor of that matrix. The
- * result is NAN if rounding leaves no positive pivot. */
+/* Fills the lower triangle of factor (n x n, by rows) with the Cholesky factor of W^T Y +
+ * diag(compliance). The result is NAN if rounding leaves no positive pivot. */
 void coupling_factorize(const struct robot *robot, const double *column, const double *compliance,
                         double *factor);
 
-/* Computes force (n) and corrects a. c is free: 0 keeps the error's acceleration at zero, more
- * pulls the error back. */
+/* Computes the forces (n) and corrects a. c: right-hand side; 0 keeps the error's acceleration at
+ * zero, a larger value pulls the error back. */
 void coupling_correct(const struct robot *robot, const double *column, const double *factor,
                       const double *c, double *force, double *a);
 

@@ -42,24 +42,25 @@ struct dynamics_ops {
                     const struct wrench *ext, double *vdot);
     /* Forward dynamics with added inertia, for implicit integration: vdot of
      *     (Mass + E + sum Jb^T A_b Jb) vdot = tau - bias + sum Jb^T ext_b
-     * with E the diagonal of extra (njoint, on the joints' own coordinates) and A_b those of the
-     * observed bodies, one each in ascending order. Jb v is the body's velocity in its frame at
-     * its origin. All of it must be positive definite. ext must be given. */
+     * E is the diagonal matrix of extra (njoint, on the joints' own coordinates). A_b is the entry
+     * of added for observed body b; there is one entry per observed body, in ascending order. Jb v
+     * is the body's velocity in its frame at its origin. The whole matrix must be positive
+     * definite. ext must not be NULL. */
     void (*implicit)(const struct dynamics *d, const double *q, const double *v, const double *tau,
                      const struct wrench *ext, const double *extra,
                      const struct added_inertia *added, double *vdot);
-    /* Inverse dynamics: generalized forces f (nv; the base's force and moment in the base frame
-     * first, in the order of v) that produce vdot. */
+    /* Inverse dynamics: generalized forces f (nv) that produce vdot. With a floating base, the
+     * base's force and moment in the base frame come first, in the order of v. */
     void (*inverse)(const struct dynamics *d, const double *q, const double *v, const double *vdot,
                     const struct wrench *ext, double *f);
-    /* Motion of each observed body; entries of other bodies may be left unchanged. */
+    /* Motion of each observed body. Entries of other bodies may stay unchanged. */
     void (*kinematics)(const struct dynamics *d, const double *q, const double *v,
                        struct body_motion *motion);
-    /* Updates only v and w of motion for another v; q must be that of the last kinematics call. */
+    /* Updates only v and w of motion for a new v. q must equal q in the last call of kinematics. */
     void (*velocities)(const struct dynamics *d, const double *q, const double *v,
                        struct body_motion *motion);
-    /* Accelerations of each observed body, given vdot; q must be that of the last kinematics
-     * call. */
+    /* Accelerations of each observed body from vdot. q must equal q in the last call of
+     * kinematics. */
     void (*acceleration)(const struct dynamics *d, const double *q, const double *v,
                          const double *vdot, struct body_acceleration *acceleration);
     /* Kinetic and potential energy, J; the potential energy is zero if all masses are at the
@@ -79,8 +80,8 @@ struct dynamics {
 enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,
                                  struct dynamics *out, struct error *error);
 
-/* q <- q + dt * v on the manifold's chart: computes qdot (nq) from q and v, with the quaternion's
- * rate. RT-safe. */
+/* Computes the rates qdot (nq) of the coordinates q from q and v, including the quaternion's rate.
+ * RT-safe. */
 void dynamics_qdot(const struct robot *robot, const double *q, const double *v, double *qdot);
 
 #endif

@@ -57,11 +57,11 @@ struct generic {
     size_t first; /* index in q and v of the first joint */
     struct link *link;
     struct link_state *state;
-    /* arguments of the stored results, which are reused for the same arguments */
+    /* arguments of the stored results; equal arguments reuse the results */
     double *q, *v;
-    bool turned_known; /* c, s and r are valid for q, */
-    bool moving_known; /* v and bias for q and v, */
-    bool place_known;  /* R and position for q */
+    bool turned_known; /* c, s and r are valid for q */
+    bool moving_known; /* v and bias are valid for q and v */
+    bool place_known;  /* R and position are valid for q */
 };
 
 /* Calls kernel(type, axis, ...) with type and axis as constants. */
@@ -84,7 +84,7 @@ struct generic {
         }                                                                                          \
     } while (0)
 
-/* y = x seen from the body, x in the parent's axes */
+/* Rotates x from the parent's axes to the body's axes, y. */
 INLINE void turn_down(int k, const struct link *link, const struct link_state *state,
                       const double x[3], double y[3])
 {
@@ -99,7 +99,7 @@ INLINE void turn_down(int k, const struct link *link, const struct link_state *s
     y[j] = state->c * t[j] - state->s * t[i];
 }
 
-/* y = x seen from the parent, x in the body's axes */
+/* Rotates x from the body's axes to the parent's axes, y. */
 INLINE void turn_up(int k, const struct link *link, const struct link_state *state,
                     const double x[3], double y[3])
 {
@@ -116,7 +116,7 @@ INLINE void turn_up(int k, const struct link *link, const struct link_state *sta
     }
 }
 
-/* child = the parent's motion seen by the body */
+/* Computes the parent's motion at the body's origin, in the body's axes. */
 INLINE void motion_down(int k, const struct link *link, const struct link_state *state,
                         const struct spatial *parent, struct spatial *child)
 {
@@ -129,7 +129,7 @@ INLINE void motion_down(int k, const struct link *link, const struct link_state 
     turn_down(k, link, state, l, child->l);
 }
 
-/* parent += the body's force as it acts on the parent */
+/* Adds the body's force to the parent's force, at the parent's origin and in its axes. */
 INLINE void force_up(int k, const struct link *link, const struct link_state *state,
                      const struct spatial *child, struct spatial *parent)
 {
@@ -146,7 +146,7 @@ INLINE void force_up(int k, const struct link *link, const struct link_state *st
     }
 }
 
-/* S <- Rot S Rot^T for a turn about axis k; plane: row k of S is zero */
+/* Rotates a symmetric matrix about axis k: S <- Rot S Rot^T. plane: row k of S is zero. */
 INLINE void sym3_turn(int k, bool plane, double c, double s, double S[6])
 {
     int i = (k + 1) % 3, j = (k + 2) % 3;
@@ -166,7 +166,7 @@ INLINE void sym3_turn(int k, bool plane, double c, double s, double S[6])
     }
 }
 
-/* H <- Rot H Rot^T for a turn about axis k; plane: row k of H is zero */
+/* Rotates a matrix about axis k: H <- Rot H Rot^T. plane: row k of H is zero. */
 INLINE void mat3_turn(int k, bool plane, double c, double s, double H[9])
 {
     int i = (k + 1) % 3, j = (k + 2) % 3;
@@ -188,7 +188,7 @@ INLINE void mat3_turn(int k, bool plane, double c, double s, double H[9])
     }
 }
 
-/* f = I v for the rigid body alone */
+/* Computes f = I v for the rigid body alone. */
 static inline void rigid_apply(const struct link *link, const struct spatial *v, struct spatial *f)
 {
     sym3_apply(link->I, v->a, f->a);
@@ -199,7 +199,7 @@ static inline void rigid_apply(const struct link *link, const struct spatial *v,
     vec3_add_cross(v->a, link->moment, f->l);
 }
 
-/* p = v x* (I v): the force that the rigid body needs at zero acceleration */
+/* Computes p = v x* (I v), the force that the rigid body needs at zero acceleration. */
 static inline void rigid_bias(const struct link *link, const struct spatial *v, struct spatial *p)
 {
     struct spatial h;
@@ -210,7 +210,7 @@ static inline void rigid_bias(const struct link *link, const struct spatial *v, 
     vec3_cross(v->a, h.l, p->l);
 }
 
-/* p -= the external wrench on the body */
+/* Subtracts the external wrench on the body from p. */
 static inline void subtract_wrench(const struct link *link, const struct wrench *ext,
                                    struct spatial *p)
 {
@@ -227,7 +227,7 @@ static inline void subtract_wrench(const struct link *link, const struct wrench 
     }
 }
 
-/* The joint's transform, from q */
+/* Computes the joint's transform from q. */
 INLINE void joint_transform(const struct link *link, double q, struct link_state *state)
 {
     if (link->type == JOINT_REVOLUTE) {
@@ -241,7 +241,7 @@ INLINE void joint_transform(const struct link *link, double q, struct link_state
     }
 }
 
-/* Computes the body's velocity from the parent's */
+/* Computes the body's velocity from the parent's velocity. */
 INLINE void outward_velocity(enum joint_type type, int k, const struct link *link,
                              const struct link_state *parent, double qd, struct link_state *state)
 {
@@ -266,8 +266,8 @@ INLINE void outward_velocity(enum joint_type type, int k, const struct link *lin
     }
 }
 
-/* A <- A - U U^T / d: the inertia left when the joint moves freely. A revolute joint without extra
- * inertia (plain) transmits no moment about its axis, so row k of J and H is set to zero. */
+/* Removes the joint's free motion from the inertia: A <- A - U U^T / d. A revolute joint without
+ * extra inertia (plain) transmits no moment about its axis, so row k of J and H becomes zero. */
 INLINE void remove_joint_motion(enum joint_type type, int k, bool plain, const struct spatial *U,
                                 double inverse_d, struct spatial_inertia *A)
 {
@@ -289,7 +289,8 @@ INLINE void remove_joint_motion(enum joint_type type, int k, bool plain, const s
     }
 }
 
-/* p += A bias; the bias has no part along axis k, and no angular part behind a sliding joint */
+/* Adds A bias to p. The bias has no component along axis k. For a prismatic joint it has no angular
+ * part. */
 INLINE void add_bias(enum joint_type type, int k, const struct spatial_inertia *A,
                      const struct spatial *bias, struct spatial *p)
 {
@@ -305,8 +306,8 @@ INLINE void add_bias(enum joint_type type, int k, const struct spatial_inertia *
     }
 }
 
-/* Removes the joint's own motion from the articulated inertia and adds the rest to the parent;
- * extra inertia resists the joint's motion unless plain */
+/* Removes the joint's own motion from the articulated inertia and adds the remainder to the parent.
+ * Unless plain, extra inertia resists the joint's motion. */
 INLINE void inward_articulated(enum joint_type type, int k, bool plain, const struct link *link,
                                double tau, double extra, struct link_state *state,
                                struct link_state *parent)
@@ -351,7 +352,8 @@ INLINE void inward_articulated(enum joint_type type, int k, bool plain, const st
     spatial_inertia_add(&A, &parent->A);
 }
 
-/* Computes a joint's acceleration from its parent's, and the body's acceleration from both */
+/* Computes the joint's acceleration from the parent's acceleration, and the body's acceleration
+ * from both. */
 INLINE void outward_acceleration(enum joint_type type, int k, const struct link *link,
                                  const struct link_state *parent, struct link_state *state,
                                  double *qdd)
@@ -370,7 +372,7 @@ INLINE void outward_acceleration(enum joint_type type, int k, const struct link 
     }
 }
 
-/* Computes the body's acceleration if the joint's is given */
+/* Computes the body's acceleration from a given joint acceleration. */
 INLINE void outward_given(enum joint_type type, int k, const struct link *link,
                           const struct link_state *parent, double qdd, struct link_state *state)
 {
@@ -386,7 +388,8 @@ INLINE void outward_given(enum joint_type type, int k, const struct link *link,
     }
 }
 
-/* Returns the joint's component of the force across it; adds the force to the parent */
+/* Returns the component of the joint's force along its axis. Adds the force to the parent's
+ * force. */
 INLINE void inward_force(enum joint_type type, int k, const struct link *link,
                          const struct link_state *state, struct link_state *parent, double *tau)
 {
@@ -394,7 +397,7 @@ INLINE void inward_force(enum joint_type type, int k, const struct link *link,
     force_up(k, link, state, &state->p, &parent->p);
 }
 
-/* Computes the body's pose in the world from its parent's */
+/* Computes the body's pose in the world from its parent's pose. */
 INLINE void outward_place(enum joint_type type, int k, const struct link *link,
                           const struct link_state *parent, struct link_state *state)
 {

@@ -9,17 +9,16 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* dydt (n) from y (n) at time t (s). */
+/* Computes dydt (n) from y (n) at time t (s). */
 typedef void integrator_function(void *context, double t, const double *y, double *dydt);
 
 /* Returns the number of doubles of scratch that integrator_rk4 needs for n states. */
 size_t integrator_rk4_scratch(size_t n);
 
 /* Advances y (n) from t by h seconds with the classical fourth-order Runge-Kutta scheme (Hairer,
- * Norsett, Wanner, Solving ODEs I, II.1, table 1.2). lost (n) holds the rounding error of y and is
- * added in the next call, so that rounding errors of many short steps do not accumulate (Hairer,
- * Lubich, Wanner, Geometric Numerical Integration, VIII.5). Set it to zero when y starts or is
- * set. */
+ * Norsett, Wanner, Solving ODEs I, II.1, table 1.2). lost (n) receives the rounding error of y,
+ * which the next call adds. So rounding errors of many short steps do not accumulate (Hairer,
+ * Lubich, Wanner, Geometric Numerical Integration, VIII.5). Set lost to zero whenever y is set. */
 void integrator_rk4(integrator_function *f, void *context, double t, double h, size_t n, double *y,
                     double *lost, double *scratch);
 
@@ -28,7 +27,7 @@ struct integrator_dopri5 {
     double rtol, atol;  /* > 0; the error of a step is relative to atol + rtol |y_i| */
     size_t tries;       /* maximum number of steps in one call, accepted or rejected */
     double next;        /* length of the next step, s; 0 = unknown */
-    double last_error;  /* of the last accepted step */
+    double last_error;  /* error of the last accepted step */
     size_t evaluations; /* evaluations of f so far */
 };
 

@@ -40,10 +40,10 @@
 
 struct plant;
 
-/* rk4: the paper's scheme, for short steps. implicit: order 2, stable with long steps, drives
- * exact for constant voltage; the scheme for real time (model/implicit/implicit.c,
- * docs/integrator.md). dopri5: adaptive, any substep, to the given tolerance; slow; a reference
- * for the others; not RT-safe. */
+/* Integration schemes. rk4: the paper's scheme, for short steps. implicit: the scheme for real
+ * time, of order 2, stable with long steps, exact for drives at constant voltage
+ * (model/implicit/implicit.c, docs/integrator.md). dopri5: adaptive with a tolerance, for any
+ * substep; slow, a reference for the others; not RT-safe. */
 enum plant_integrator { PLANT_RK4, PLANT_IMPLICIT, PLANT_DOPRI5 };
 
 /* A free body at its start. Its center of mass need not be the origin of its frame. */
@@ -75,15 +75,16 @@ enum plant_free_part {
 
 struct plant_config {
     const struct robot *robot;
-    const struct dynamics *dynamics;    /* of the same robot; used by this thread only */
+    const struct dynamics *dynamics;    /* dynamics of the same robot; used by this thread only */
     const struct plant_free_body *free; /* nfree; copied, except the names */
     size_t nfree;
-    struct contact_world *contact; /* NULL = none; not owned; only the plant may evaluate it */
-    const int *contact_body;       /* body of each of the world's ncontact motions; copied */
+    /* contact engine, NULL = none; the caller owns it; only the plant may evaluate it */
+    struct contact_world *contact;
+    const int *contact_body; /* body of each of the engine's ncontact motions; copied */
     size_t ncontact;
     enum plant_integrator integrator;
     int64_t substep_ns; /* length h of a substep */
-    double rtol, atol;  /* of dopri5, for each number of the state */
+    double rtol, atol;  /* tolerances of dopri5 for each number of the state */
     double supply_v;    /* terminal voltages are clipped to +-supply_v */
     /* resistance of the source: the supply sags under load; 0 = none */
     double supply_ohm;
@@ -97,9 +98,9 @@ struct plant_config {
 
 /* Cost of the contact engine since the plant was created. */
 struct plant_contact_cost {
-    /* evaluations by the engine; repeated ones come from memory and do not count */
+    /* evaluations by the engine; results reused from memory do not count */
     uint64_t evaluations;
-    int64_t spent_ns; /* time in evaluations and tangents, by the configuration's clock */
+    int64_t spent_ns; /* time spent in evaluations and tangents, measured by config.now_ns */
 };
 
 /* Largest number of contact patches whose stored energy plant_energy counts. */
@@ -129,8 +130,8 @@ struct plant_energy {
     double balance;
 };
 
-/* Checks whether a free body has a physically possible inertia without zeros, and a valid start;
- * the error gives the reason if not. Not RT-safe. */
+/* Checks that a free body has a physically possible inertia without zeros, and a valid start. The
+ * error gives the reason. Not RT-safe. */
 enum error_code plant_check_free_body(const struct plant_free_body *body, struct error *error);
 
 /* Creates a plant in the arena, in the reset state with the base at the origin and all joints at
@@ -140,9 +141,9 @@ enum error_code plant_create(const struct plant_config *config, struct arena *ar
                              struct plant **plant, struct error *error);
 
 /* Sets a pose at rest at time zero: joints at the pose with relaxed springs (qm = q), no current,
- * no push, pretensions as commanded, free bodies at their starts. Energies count from here, and
- * the sensors are sampled. With a fixed base the base arguments are ignored (may be NULL). The
- * command is kept. Returns the contact engine's failure, if any. */
+ * no push, pretensions as commanded, free bodies at their starts. Restarts the energies and samples
+ * the sensors. Keeps the command. With a fixed base the base arguments have no effect and may be
+ * NULL. Returns the contact engine's failure, if any. */
 enum error_code plant_reset(struct plant *plant, const double base_position[3],
                             const double base_quaternion[4], const double *joint);
 
@@ -152,30 +153,30 @@ struct plant_command *plant_command(struct plant *plant);
 const struct plant_sensors *plant_sensors(const struct plant *plant);
 
 /* Advances by `steps` substeps with the command held. A bridge that is off carries no current; the
- * magnetic energy at its opening counts as heat. Fails when the contact engine fails, or with
- * ERROR_INPUT when the state is no longer finite (a substep too long for the stiffness). State and
- * time are then those of the last good substep, and plant_failure gives the reason. RT-safe when
- * the contact engine is. */
+ * magnetic energy at its opening counts as heat. Returns the contact engine's failure, or
+ * ERROR_INPUT if the state is no longer finite (a substep too long for the stiffness). After a
+ * failure, state and time are at the end of the last good substep, and plant_failure gives the
+ * reason. RT-safe if the contact engine is. */
 enum error_code plant_step(struct plant *plant, size_t steps);
 
 /* Returns one sentence on the last failure of plant_step, plant_sample, plant_reset or
- * plant_energy; "" if there was none. Owned by the plant or the contact engine. RT-safe. */
+ * plant_energy, or "" if there was none. The plant or the contact engine owns the text. RT-safe. */
 const char *plant_failure(const struct plant *plant);
 
-/* Fills the sensors from the present state; on failure they keep their last values. Contact forces
- * and accelerations follow from the state by the laws. After a plant_step of the implicit
- * integrator, until something is set or written, they are those of the step's last stage, so that
- * accelerations, forces and motion agree.
+/* Fills the sensors from the present state. After a failure they keep their last values. Contact
+ * forces and accelerations follow from the state by the laws of contact and motion. After a
+ * plant_step of the implicit integrator they come from the step's last stage, until a caller sets
+ * the state or an input. So accelerations, forces and motion agree.
  *
- * A force-torque sensor measures contact and pushes on its body (all of them count as below it),
- * and weight and inertia of its distal part. Bodies joined to its body count as above it. The
- * reading is the wrench that the part below exerts through the sensor: a robot at rest on its foot
- * reads + the carried weight along up. RT-safe when the contact engine is. */
+ * A force-torque sensor measures all contact and pushes on its body, and the weight and inertia of
+ * its distal part. It does not measure bodies joined to its body. The reading is the wrench that
+ * the distal part exerts through the sensor. For a robot at rest on its foot, the force along up is
+ * positive and equals the carried weight. RT-safe if the contact engine is. */
 enum error_code plant_sample(struct plant *plant);
 
-/* plant_values returns the flat state and its length for reading. plant_state returns it for
- * writing at any later time; from then on each step checks the whole state for changes.
- * RT-safe. */
+/* plant_values returns the flat state and its length, read-only. plant_state returns the state for
+ * writing, at any later time too. After its first call, each step checks the whole state for
+ * changes. RT-safe. */
 const double *plant_values(const struct plant *plant, size_t *count);
 double *plant_state(struct plant *plant, size_t *count);
 
@@ -184,27 +185,26 @@ double *plant_state(struct plant *plant, size_t *count);
 const struct contact_wrench *plant_contact_wrenches(const struct plant *plant);
 
 /* Returns the largest force on each contact body within the last plant_step, N. With the implicit
- * integrator it is the maximum over the means of its steps, which at impacts are as short as a
- * sixteenth, and the last sample. With other integrators, for a clamped robot, or if the state was
- * set between steps, it is the force of the sample. RT-safe. */
+ * integrator it is the maximum of the mean forces of its steps and of the last sample. At impacts a
+ * step is as short as a sixteenth of a substep. With other integrators, for a clamped robot, or if
+ * the state was set between steps, it is the force of the last sample. RT-safe. */
 const double *plant_contact_peaks(const struct plant *plant);
 
-/* Returns the mean force on contact body c over the last plant_step, world frame, N: its impulse
- * over the duration, exact for the implicit integrator's scheme. In the other cases of
- * plant_contact_peaks it is the force of the sample. RT-safe. */
+/* Computes the mean force on contact body c over the last plant_step, world frame, N: the impulse
+ * divided by the duration. It is exact for the implicit integrator's scheme. In the other cases of
+ * plant_contact_peaks it is the force of the last sample. RT-safe. */
 void plant_contact_mean(const struct plant *plant, size_t c, double force[3]);
 
-/* Copies the patches of the last sample: the part of the wrenches from each pair in contact. Valid
- * until the plant steps or plant_energy is called. Returns their number, writes at most max.
- * RT-safe. */
+/* Copies at most max contact patches of the last sample and returns their number. A patch is the
+ * wrench of one pair in contact. Call it before the next plant_step or plant_energy. RT-safe. */
 size_t plant_patches(const struct plant *plant, struct contact_patch *patch, size_t max);
 
-/* Returns poses and velocities of the robot's bodies (nbody entries) at the last sample; only
- * those of observed bodies are set. */
+/* Returns poses and velocities of the robot's bodies (nbody entries) at the last sample. Only
+ * entries of observed bodies are set. */
 const struct body_motion *plant_motion(const struct plant *plant);
 
-/* Returns poses and velocities of all of the robot's bodies in the present state, observed or not.
- * Valid until the next call of the plant. Takes one pass over the tree. RT-safe. */
+/* Returns poses and velocities of all bodies of the robot in the present state, observed or not.
+ * They are valid until the next call of a plant function. Takes one pass over the tree. RT-safe. */
 const struct body_motion *plant_whole_motion(struct plant *plant);
 
 /* Returns poses and velocities of the free bodies (nfree entries), at the origins of their
@@ -218,9 +218,9 @@ void plant_free_pose(const struct plant *plant, size_t i, double pose[7]);
 /* Returns the cost of contact evaluations so far. Owned by the plant. RT-safe. */
 const struct plant_contact_cost *plant_contact_cost(const struct plant *plant);
 
-/* Returns the plant's memory of its contact engine, size bytes within the arena. It belongs to the
- * present engine, not to a moment of virtual time. A caller that copies and restores the arena
- * must leave it out. */
+/* Returns the plant's memory of its contact engine, *size bytes within the arena. It belongs to the
+ * present engine, not to a point of virtual time. A caller that copies and restores the arena must
+ * exclude this memory. */
 void *plant_contact_memory(const struct plant *plant, size_t *size);
 
 /* Returns the virtual time of the state. */
@@ -234,26 +234,27 @@ uint64_t plant_hash(const struct plant *plant);
  * PLANT_PATCHES patches. RT-safe when the contact engine is. */
 enum error_code plant_energy(struct plant *plant, struct plant_energy *energy);
 
-/* Energy that appeared from nowhere. */
+/* Energy that appeared without work or loss that explains it. */
 struct plant_created {
-    double energy_j, turnover_j; /* and the work and losses in the same span */
-    int64_t span_ns;             /* up to the present state */
-    bool contact;                /* contacts gave it; otherwise the motion gained it */
+    /* energy that appeared; work and losses in the same span */
+    double energy_j, turnover_j;
+    int64_t span_ns; /* length of the span, which ends at the present state */
+    bool contact;    /* true: from contacts; false: in the motion */
 };
 
-/* Checks the energy account since the last check, and since it began (plant_account.c). Returns
- * true, and fills created, if more than a fifth of the turnover and the energy that lifts the robot
- * by 2 cm appeared from nowhere: the integrator diverges, or a law is too stiff for its steps. The
- * account then begins anew; it also does so after a clamp. Robots with hydraulic joints have none.
- * Call it after plant_sample. RT-safe. */
+/* Checks the energy account since the last check, and since the account began (plant_account.c).
+ * Returns true and fills created if too much energy appeared: the integrator diverges, or a law is
+ * too stiff for its steps. The limit is a fifth of the turnover plus the energy that lifts the
+ * robot by 2 cm. The account then begins again, as it does after a clamp. Robots with hydraulic
+ * joints have no account. Call it after plant_sample. RT-safe. */
 bool plant_check_energy(struct plant *plant, struct plant_created *created);
 
-/* Makes energies count from the present state, after it was written through plant_state. Returns
- * as plant_energy. RT-safe when the contact engine is. */
+/* Restarts the energies at the present state, after a caller has written the state through
+ * plant_state. Returns the errors of plant_energy. RT-safe if the contact engine is. */
 enum error_code plant_restart_energy(struct plant *plant);
 
-/* Sets an external push on a body (0 to nbody + nfree - 1), world frame at the body's origin. It
- * lasts until it is changed. RT-safe. */
+/* Sets an external push on a body (0 to nbody + nfree - 1), in the world frame at the body's
+ * origin. The push lasts until the next call for this body. RT-safe. */
 void plant_set_push(struct plant *plant, int body, const double force[3], const double moment[3]);
 
 /* Sets the voltage of the source without load and sag (config.supply_v) from the next step on.
@@ -261,13 +262,13 @@ void plant_set_push(struct plant *plant, int body, const double force[3], const 
 void plant_set_source(struct plant *plant, double supply_v);
 double plant_source(const struct plant *plant);
 
-/* Clamps every link at its present place, or releases all. In a clamped robot only the drives
- * move, behind their springs. Contacts and pushes do not act on it, because the clamp takes them:
- * the wrenches of its bodies read zero. Free bodies still move, and a clamped robot supports them
- * like a rigid obstacle. A robot starts clamped so that it does not fall before its motors are on.
- * Clamping stops the links; plant_reset does not change the clamp. After plant_settle the clamp
- * also holds the rotors, like brakes released together with the links, and carries no load: the
- * contacts carry the robot and are measured. RT-safe. */
+/* Clamps every link at its present place, or releases all links. In a clamped robot only the drives
+ * move, behind their springs. The clamp carries all contact forces and pushes on the robot, so the
+ * wrenches of its bodies read zero. Free bodies still move; for them a clamped robot is a rigid
+ * obstacle. A robot starts clamped so that it does not fall before its motors are on. Clamping
+ * stops the links. plant_reset does not change the clamp. After plant_settle the clamp also holds
+ * the rotors and carries no load: the contacts carry the robot, and the sensors measure them. The
+ * rotors are released together with the links. RT-safe. */
 void plant_clamp(struct plant *plant, bool clamped);
 bool plant_is_clamped(const struct plant *plant);
 

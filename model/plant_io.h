@@ -16,7 +16,7 @@
 enum drive_condition {
     DRIVE_OPEN_PHASE = 1 << 0,   /* no current for any bridge state */
     DRIVE_SHORT = 1 << 1,        /* the winding is shorted: 0 V across it, so it brakes */
-    DRIVE_JAM = 1 << 2,          /* the rotor is locked where it is */
+    DRIVE_JAM = 1 << 2,          /* the rotor is locked at its position */
     DRIVE_SPRING_BREAK = 1 << 3, /* Ks = Ds = 0, no stop: the link hangs loose */
     DRIVE_VALVE_OFF = 1 << 4,    /* servo valve without current: its spool returns to the center */
     DRIVE_VALVE_STUCK = 1 << 5,  /* the spool does not move */
@@ -29,7 +29,8 @@ struct motor_command {
     double voltage_v;    /* average terminal voltage; the plant clips it to +-supply */
     double pretension_m; /* p of the parallel spring, paper eq. (5) */
     unsigned condition;  /* condition of the drive: bits of enum drive_condition */
-    double rotor_rad_s;  /* DRIVE_IMPOSED: speed of the rotor, link side; DRIVE_JAM has priority */
+    /* speed of the rotor for DRIVE_IMPOSED, link side, rad/s; DRIVE_JAM has priority */
+    double rotor_rad_s;
     /* For a hydraulic joint. valve_shift: offset of the spool's center as a share of the full
      * opening, positive like a voltage. piston_leak: leakage past the piston in addition to the
      * cylinder's own, m3/s per Pa */
@@ -51,7 +52,8 @@ struct plant_command {
 };
 
 /* True state of one joint; link side of the gear. */
-/* Temperature of a winding without a thermal model, deg C: the default ambient of those models */
+/* Temperature of a winding without a thermal model, deg C; also the default ambient of thermal
+ * models */
 #define PLANT_AMBIENT_C 25.0
 
 struct motor_sense {
@@ -65,7 +67,7 @@ struct motor_sense {
      * plant_config's bending is set */
     double bending_nm[2];
     double voltage_v; /* applied, after saturation */
-    double winding_c; /* deg C; PLANT_AMBIENT_C where nothing models it */
+    double winding_c; /* deg C; PLANT_AMBIENT_C without a thermal model */
     /* For a hydraulic joint; its motor angle is the joint's angle and its current is 0 */
     double pressure_pa[2]; /* gauge pressure on the piston side and on the rod side */
     double valve_opening;  /* -1 to 1 of its full opening, positive toward the piston side */
@@ -74,15 +76,15 @@ struct motor_sense {
 struct ft_sense {
     double force_n[3]; /* force that the part below the sensor exerts through it, sensor frame */
     double torque_nm[3];
-    /* The same with the largest contact wrench within the tick, by channel where that is more: it
-     * may overload the sensor (plant_contact_peaks) */
+    /* Peak within the tick, to detect an overload of the sensor. Per channel: the reading, or the
+     * reading with the largest contact wrench (plant_contact_peaks) if that is larger */
     double peak_n[3], peak_nm[3];
 };
 
 struct imu_sense {
     double gyro_rad_s[3];
     double accel_m_s2[3]; /* specific force: +g along up at rest */
-    double magnetic_t[3]; /* the Earth's field; its value is in model/plant_sample.c */
+    double magnetic_t[3]; /* the Earth's magnetic field, T; constant in model/plant_sample.c */
     double quaternion[4]; /* wxyz, sensor to world, of unit length, w not negative */
 };
 

@@ -70,8 +70,8 @@ struct plant_load {
     double contact, push;
 };
 
-/* The always-on energy account: plant_account.c. Sums in J: work of drives and pushes, work of
- * contact on the bodies, losses, and the magnitudes of all. */
+/* The energy account that always runs: plant_account.c. Sums in J: work of drives and pushes, work
+ * of contact on the bodies, losses, and the sum of the magnitudes. */
 enum plant_account_sum {
     ACCOUNT_IN,
     ACCOUNT_CONTACT,
@@ -81,7 +81,8 @@ enum plant_account_sum {
 };
 struct plant_account_moment {
     int64_t time_ns;
-    double sum[ACCOUNT_SUMS], stored, contact; /* stored in motion and springs, and in contacts */
+    double sum[ACCOUNT_SUMS], stored,
+        contact; /* stored: energy in motion and springs; contact: energy in contacts */
 };
 struct plant_account {
     bool runs;                /* start and window are valid */
@@ -93,13 +94,13 @@ struct plant_account {
 /* Arrays by body have nbody entries for the robot, then nfree for the free bodies. */
 struct plant {
     struct plant_config config; /* contact_body and free are the plant's own copies */
-    /* generic dynamics with each body observed: for pushes and the center of mass */
+    /* generic dynamics in which each body is observed, for pushes and the center of mass */
     struct dynamics whole;
     struct plant_layout at;
     size_t ndrive, nspring, npassive, nhydraulic, nbristle;
     size_t nwork;            /* number of integrals of powers, with account_energy */
-    bool has_effects;        /* some drive has effects: the state has their parts */
-    bool accounts;           /* powers are integrated: for account_energy, or for a bus */
+    bool has_effects;        /* a drive has effects, so the state has the parts of effects */
+    bool accounts;           /* powers are integrated, for account_energy or for a bus */
     size_t *drive_joint;     /* joint of each drive */
     size_t *spring_joint;    /* joint of each enabled parallel spring */
     size_t *passive_joint;   /* joint of each passive spring or damper */
@@ -108,7 +109,7 @@ struct plant {
 
     double *state;
     bool handed_out; /* plant_state was called: a caller may write the state */
-    /* nlive pairs: those with bristles that are not 0, and those of the last contact */
+    /* nlive pairs: pairs with bristles that are not 0, and pairs in the last contact */
     int *live;
     size_t nlive;
     int64_t time_ns;
@@ -116,12 +117,12 @@ struct plant {
     struct plant_sensors sensors;
     struct wrench *push; /* by body, world frame */
     bool pushing;        /* some push is not zero */
-    bool clamped;        /* links held where they are */
+    bool clamped;        /* the links are clamped */
     bool stepped;        /* last_good is the result of an implicit step of the unclamped robot */
     bool balanced;       /* the clamp also holds the rotors and carries no load: plant_settle */
 
     /* Constant over a step */
-    struct robot_sea *sea; /* parameters of each drive in its condition */
+    struct robot_sea *sea; /* of each drive: parameters in its condition */
     unsigned *condition;   /* of each drive: bits of enum drive_condition */
     double *voltage;       /* of each drive, after saturation */
     bool *bridge_on;
@@ -131,19 +132,19 @@ struct plant {
     double *valve_voltage;         /* of each cylinder */
 
     /* Scratch of one evaluation */
-    double *q; /* with a unit quaternion */
+    double *q; /* generalized coordinates, with a unit quaternion */
     double *tau, *vdot;
     struct wrench *ext;         /* by body, body frame */
     struct body_motion *motion; /* by body */
     struct contact_wrench *contact_wrench;
-    const double *bristle_rate; /* nbristle; set for the live pairs; in the contact memory */
-    bool bristles_follow;       /* bristles change at bristle_rate */
+    const double
+        *bristle_rate;    /* nbristle, valid for the live pairs; points into the contact memory */
+    bool bristles_follow; /* the derivative of the bristles is bristle_rate, else 0 */
     struct plant_contact_memory *contact_memory;
     struct body_motion *whole_motion; /* of the robot's bodies */
-    /* the state before a substep; if plant_state was called, after plant_step the state at its
-     * end */
+    /* state before a substep. If plant_state was called: after plant_step, the state at its end */
     double *last_good;
-    int *kept; /* nkept pairs: those with bristles in last_good that are not 0 */
+    int *kept; /* nkept pairs: pairs with bristles in last_good that are not 0 */
     size_t nkept;
     double *scratch;
     double *lost; /* rounding errors of the state (integrator_rk4) */
@@ -151,7 +152,7 @@ struct plant {
     struct implicit *implicit; /* NULL for other integrators */
 
     /* Of the last sample */
-    bool sampled_step;                  /* taken from an implicit step */
+    bool sampled_step;                  /* the forces are from an implicit step */
     struct body_motion *sampled_motion; /* by body */
     struct contact_wrench *sampled_wrench;
     struct contact_wrench *peak; /* by contact body: wrench with the largest force in the steps */
@@ -160,12 +161,12 @@ struct plant {
     double *impulse;
     double impulse_s; /* duration of the impulses */
     struct body_acceleration *acceleration;
-    /* With bending, by body: accelerations, and the load on the joint that moves the body, world
+    /* Only with bending, by body: acceleration, and load on the joint that moves the body, world
      * frame */
     struct body_acceleration *bending_acceleration;
     struct wrench *bending_load;
 
-    double start_mechanical, start_contact; /* stored at the start, J */
+    double start_mechanical, start_contact; /* stored energies at the start, J */
     struct plant_account account;
     struct contact_patch *patch;
     enum error_code step_code; /* error of the current substep */
@@ -214,8 +215,8 @@ struct effects_state plant_effects_state(const struct plant *plant, const double
 void plant_effects_store(const struct plant *plant, size_t d, const struct effects_state *effects,
                          double *state);
 
-/* Return the torque on the joint, N m, of a drive with effects and of any drive, and the energy
- * stored in any drive, J. */
+/* Return values of a drive: plant_effects_torque the torque on the joint of a drive with effects, N
+ * m; plant_drive_torque the torque of any drive; plant_drive_energy the stored energy, J. */
 double plant_effects_torque(const struct plant *plant, const double *state, size_t d);
 
 static inline double plant_drive_torque(const struct plant *plant, const double *state, size_t d)
@@ -231,21 +232,22 @@ static inline double plant_drive_torque(const struct plant *plant, const double 
 
 double plant_drive_energy(const struct plant *plant, const double *state, size_t d);
 
-/* Resets effects and bus: relaxed, at ambient temperature, charged. */
+/* Resets the effects to relaxed springs and ambient temperature, and charges the bus. */
 void plant_effects_reset(struct plant *plant);
 
-/* Computes the bridge state of a drive with effects from its held voltage. */
+/* Computes the bridge state of a drive with effects from its held voltage and the supply
+ * voltage. */
 void plant_effects_hold(struct plant *plant, size_t d, double supply);
 
-/* Returns the terminal voltage that keeps this current in any drive at rest, V. */
+/* Returns the terminal voltage at which a drive at rest carries the current I, V. */
 double plant_holding_voltage(const struct plant *plant, size_t d, double I);
 
 /* Computes the rates of a drive with effects in the mode of the substep; work may be NULL. */
 void plant_effects_derive(const struct plant *plant, const double *state, size_t d,
                           double *derivative, double *work);
 
-/* Begin and end a substep of an integrator without events: select the modes for the substep, and
- * set values to zero that crossed zero in it. */
+/* For integrators without events: plant_effects_begin selects the modes for a substep.
+ * plant_effects_end sets values to zero that crossed zero in the substep. */
 void plant_effects_begin(struct plant *plant);
 void plant_effects_end(struct plant *plant);
 
@@ -259,8 +261,8 @@ void plant_supply_advance(struct plant *plant, double energy, double h);
 /* Returns the voltage of the supply in the present state, under the load of the bridges. */
 double plant_supply(const struct plant *plant);
 
-/* balanced: makes the clamp of a clamped robot hold the rotors and carry no load; otherwise makes
- * it an ordinary clamp. Rotors stop. */
+/* Sets the kind of the clamp and stops the rotors. balanced: the clamp of a clamped robot also
+ * holds the rotors and carries no load. Otherwise it is an ordinary clamp. */
 void plant_balance(struct plant *plant, bool balanced);
 
 /* ---- energy: plant_energy.c, plant_account.c ---- */
@@ -269,8 +271,8 @@ void plant_balance(struct plant *plant, bool balanced);
  * J. */
 double plant_stored_mechanical(struct plant *plant);
 
-/* plant_account_step adds the powers in the state after a substep of h seconds to the account;
- * plant_account_load those of external forces over h seconds. */
+/* Add to the account over h seconds: plant_account_step the powers of the state after a substep,
+ * plant_account_load the powers of external forces. */
 void plant_account_step(struct plant *plant, double h);
 void plant_account_load(struct plant *plant, double h, const struct plant_load *load);
 
@@ -286,15 +288,15 @@ static inline size_t plant_hydraulic_supply(const struct plant *plant)
 struct hydraulic_port plant_hydraulic_port(const struct plant *plant, const double *state,
                                            size_t c);
 
-/* In order: resets the cylinders to rest and charges the supply; holds the commanded valve
- * voltages; returns the torque of cylinder c on its joint, N m; returns the energy of oil and
- * accumulator, J. */
+/* plant_hydraulic_reset sets the cylinders to rest and charges the supply. plant_hydraulic_hold
+ * holds the commanded valve voltages. plant_hydraulic_torque returns the torque of cylinder c on
+ * its joint, N m. plant_hydraulic_sample fills the sensors of the cylinders. */
 void plant_hydraulic_reset(struct plant *plant);
 void plant_hydraulic_hold(struct plant *plant);
 double plant_hydraulic_torque(const struct plant *plant, const double *state, size_t c);
 void plant_hydraulic_sample(struct plant *plant);
 
-/* Closes the valve of cylinder c and sets its pressures so that its joint carries this torque.
+/* Closes the valve of cylinder c and sets its pressures so that it exerts this torque on its joint.
  * Returns false if supply and return pressures do not allow it. */
 bool plant_hydraulic_load(struct plant *plant, size_t c, double torque);
 
@@ -316,11 +318,12 @@ static inline double plant_joint_depth(const struct plant *plant, const double *
     return stop_depth(joint->lower, joint->upper, plant_joint_position(plant, state, j));
 }
 
-/* An integrator_function; its context is the plant. On failure it sets step_code and failure, and
- * the rates are zero. */
+/* Computes the derivative of the state (an integrator_function; the context is the plant). On
+ * failure sets step_code and failure, and the rates are zero. */
 void plant_derivative(void *plant, double t, const double *state, double *derivative);
 
-/* Return the losses of joint stops, of passive springs, and of couplings, W. */
+/* Return losses, W: plant_stop_loss of the joint stops, plant_spring_loss of passive springs and
+ * couplings. */
 double plant_stop_loss(const struct plant *plant, const double *state);
 double plant_spring_loss(const struct plant *plant, const double *state);
 
@@ -328,9 +331,9 @@ double plant_spring_loss(const struct plant *plant, const double *state);
  * motion and contact_wrench. */
 enum error_code plant_evaluate(struct plant *plant, const double *state, struct plant_load *load);
 
-/* Part of plant_evaluate before the dynamics: fills q, ext, the motions and bristle_rate, with or
- * without contact. bristle: bristle state (nbristle); ahead_s: time ahead (struct
- * contact_bristles). */
+/* Performs the part of plant_evaluate before the dynamics: fills q, ext, the motions and
+ * bristle_rate, with or without contact. bristle: bristle state (nbristle). ahead_s: time ahead
+ * (struct contact_bristles). */
 enum error_code plant_load_bodies(struct plant *plant, const double *state, const double *bristle,
                                   double ahead_s, struct plant_load *load);
 
@@ -344,8 +347,8 @@ void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *
 enum error_code plant_contact_evaluate(struct plant *plant, const double *v, const double *bristle,
                                        double ahead_s);
 
-/* plant_forget_peaks resets peaks and impulses of contact. plant_raise_peak keeps a wrench on
- * contact body c if its force is the largest since then. RT-safe. */
+/* plant_forget_peaks resets peaks and impulses of contact. plant_raise_peak stores a wrench on
+ * contact body c if its force is the largest since that reset. RT-safe. */
 void plant_forget_peaks(struct plant *plant);
 void plant_raise_peak(struct plant *plant, size_t c, const struct contact_wrench *wrench);
 
@@ -370,7 +373,7 @@ void plant_keep_state(struct plant *plant);
 /* Copies last_good back to the state. Only live pairs can have changed. RT-safe. */
 void plant_return_state(struct plant *plant);
 
-/* Removes live pairs whose bristles have relaxed to 0. RT-safe. */
+/* Removes pairs whose bristles have relaxed to 0 from the live pairs. RT-safe. */
 void plant_drop_bristles(struct plant *plant);
 
 /* Writes at most max of the engine's tangents at the last evaluation; returns their number. The
@@ -395,8 +398,8 @@ void plant_free_prepare(struct plant *plant);
 void plant_free_reset(struct plant *plant);
 void plant_free_normalize(struct plant *plant);
 
-/* The free bodies' part of plant->motion; of the derivative (from motion and ext); and of the
- * stored energy (kinetic and gravity, J). */
+/* The free bodies' parts: plant_free_place fills plant->motion, plant_free_derive the derivative
+ * (from motion and ext). plant_free_energy returns kinetic and potential energy, J. */
 void plant_free_place(struct plant *plant, const double *state);
 void plant_free_derive(const struct plant *plant, const double *state, double *derivative);
 double plant_free_energy(const struct plant *plant, const double *state);

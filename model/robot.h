@@ -50,7 +50,8 @@ struct robot_body {
     const char *name;
     int parent; /* index of the parent body; -1 for the base */
     struct robot_inertia inertia;
-    bool observed; /* a frame or a capsule is on it: its kinematics are needed every step */
+    /* the body has a frame or a capsule, so its kinematics are needed in every step */
+    bool observed;
 };
 
 /* A mechanical stop, model/stop.h; stiffness 0 = none. */
@@ -74,13 +75,14 @@ struct robot_thermal {
     double winding_k_w, housing_k_w;
     double winding_j_k, housing_j_k; /* heat capacities */
     double ambient_c;                /* deg C */
-    /* change per K from 25 deg C; R by the winding, Kt by the housing temperature */
+    /* relative changes per K from 25 deg C; R with the winding's temperature, Kt with the
+     * housing's */
     double R_per_k, Kt_per_k;
 };
 
-/* Gear friction from the torques that the gear carries, on the motor's side and on the load's
- * side. Terms: a share of each torque at any speed, an additional share near rest, and a share of
- * the squares if the two torques oppose each other. Zero = off. */
+/* Gear friction from the torques that the gear carries, from the motor and from the load. Terms: a
+ * share of each torque at any speed; an additional share near rest; a share of the squares if the
+ * two torques oppose each other. Zero = off. */
 struct robot_load_friction {
     double motor, external; /* shares at any speed, 1 */
     /* shares added at rest, falling with the Stribeck curve, 1 */
@@ -90,9 +92,9 @@ struct robot_load_friction {
 
 /* Effects of a real drive beyond eqs (2)-(4), model/drives/effects.h; zero = off. Link side. */
 struct robot_effects {
-    /* friction of the gear, N m: F at high speed, and F(0) */
+    /* friction of the gear, N m: F at high speed; F(0) */
     double coulomb, breakaway;
-    /* speed of the transition between them, rad/s; 0 = F is F(0) */
+    /* speed of the transition from breakaway to coulomb, rad/s; 0 = F is F(0) at all speeds */
     double stribeck;
     /* exponent of the speed in the Stribeck curve; 0 = 2 */
     double stribeck_exponent;
@@ -105,9 +107,10 @@ struct robot_effects {
     size_t nerror, ncogging;
     struct robot_thermal thermal;
     double dead_time, pwm; /* of the bridge, s and Hz; pwm 0 = no ripple */
-    double switching;      /* time that a transistor takes to switch on and off, s */
+    double switching;      /* time of a transistor to switch on and off, s */
     double bridge_ohm;     /* resistance of the transistors in the current path, ohm */
-    /* with the bridge off, the current flows through its diodes; else it stops immediately */
+    /* true: with the bridge off, the current flows through the diodes; false: it stops
+     * immediately */
     bool freewheel;
     double diode; /* voltage of each of the two diodes, V */
 };
@@ -218,7 +221,7 @@ struct robot_frame {
 };
 
 /* A collision shape: a cylinder with a half-sphere at each end, or a sphere if the length is 0. It
- * encloses a body's parts, and parts that move little relative to the body. The rig gives the
+ * encloses the body, and attached parts that move little relative to it. The rig file gives the
  * material. */
 struct robot_capsule {
     const char *name;
@@ -245,13 +248,13 @@ struct robot_visual {
     double length;      /* of a cylinder; for a capsule, of the axis without the ends, m */
     /* path of a mesh, a binary STL in m; NULL for other shapes and missing meshes */
     const char *file;
-    const char *missing; /* reason for a missing mesh, for people; NULL = not missing */
+    const char *missing; /* text: reason why the mesh is missing; NULL = not missing */
     bool colored;
     double color[4]; /* sRGB and opacity, 0 to 1 */
 };
 
-/* Six-axis force-torque sensor. It measures what the part below it (distal) exerts through it, in
- * its frame. */
+/* Six-axis force-torque sensor. It measures the wrench that the distal part exerts through it, in
+ * the sensor's frame. */
 struct robot_ft_sensor {
     const char *name;
     int frame;
@@ -268,8 +271,8 @@ struct robot_pose {
 struct robot {
     const char *name;
     const char *file;
-    /* hash of all data on which the equations of motion depend, and of which bodies are observed;
-     * not of names, poses, limits, drives and sensors */
+    /* hash of all data on which the equations of motion depend, and of the list of observed bodies.
+     * It excludes names, poses, limits, drives and sensors */
     uint64_t hash;
     uint64_t massless_hash; /* like hash, without masses, centers of mass and inertias */
     uint64_t source_hash;   /* hash of the bytes of its file; 0 = built by hand */
@@ -297,7 +300,8 @@ struct robot {
 enum error_code robot_load(const char *path, const char *variant, struct arena *arena,
                            const struct robot **robot, struct error *error);
 
-/* Does the same for a variant that another file names: mark is the place of its name there. */
+/* Reads a robot file like robot_load. mark: place of the variant's name in another file, for
+ * errors. */
 enum error_code robot_load_named(const char *path, const char *variant,
                                  const struct yaml_mark *mark, struct arena *arena,
                                  const struct robot **robot, struct error *error);
@@ -321,21 +325,21 @@ struct robot_drive {
 enum error_code robot_load_drive(const char *path, struct arena *arena,
                                  const struct robot_drive **drive, struct error *error);
 
-/* Reads the description in a drive file and whether the drive is hydraulic. The file may be
- * incomplete. Memory, errors and RT-safety as robot_load_drive. */
+/* Reads the description in a drive file, and whether the drive is hydraulic. The file may be
+ * incomplete. The arena owns all memory. Errors have file:line:column. Not RT-safe. */
 enum error_code robot_describe_drive(const char *path, struct arena *arena,
                                      const char **description, bool *hydraulic,
                                      struct error *error);
 
 /* Fills the derived members: nq, nv, total_mass, the hashes, and observed for bodies with a frame
- * or a capsule. Refuses inertias that are physically impossible, and a joint or a floating base
- * that would move without inertia, so that the dynamics are never singular. The rest of the robot
- * must be sound (the readers of files check it): parents first, axes of unit length, constants that
- * are not negative. Not RT-safe. */
+ * or a capsule. Refuses inertias that are physically impossible. Refuses a joint or a floating base
+ * that could move without inertia, so that the dynamics are never singular. Does not check other
+ * data; the readers of files do: parents first, axes of unit length, constants that are not
+ * negative. Not RT-safe. */
 enum error_code robot_finish(struct robot *robot, struct error *error);
 
-/* Makes a copy that may be changed: it has its own bodies, joints, frames, capsules and visuals
- * and shares the rest. Memory from arena. Not RT-safe. */
+/* Makes a copy that the caller may change. The copy has its own bodies, joints, frames, capsules
+ * and visuals. It shares all other data. Memory from arena. Not RT-safe. */
 enum error_code robot_copy(const struct robot *robot, struct arena *arena, struct robot **copy,
                            struct error *error);
 
@@ -345,8 +349,8 @@ enum error_code robot_copy(const struct robot *robot, struct arena *arena, struc
 enum error_code robot_fix_base(struct robot *robot, const double position[3],
                                const double quaternion[4], struct error *error);
 
-/* Fills the nbody motions with the bodies' poses in the world, at rest. position (m) and
- * quaternion (wxyz) are for a floating base; joint has njoint positions. RT-safe. */
+/* Fills the nbody motions with the poses of the bodies in the world and zero velocities. position
+ * (m) and quaternion (wxyz): pose of a floating base. joint: njoint positions. RT-safe. */
 void robot_place_bodies(const struct robot *robot, const double position[3],
                         const double quaternion[4], const double *joint,
                         struct body_motion *motion);
@@ -364,7 +368,7 @@ static inline bool robot_joint_is_driven(const struct robot_joint *joint)
 /* Returns the coupling in which joint j is the follower, or NULL. RT-safe. */
 const struct robot_coupling *robot_find_coupling(const struct robot *robot, size_t j);
 
-/* Return the index by name or -1. Not RT-safe (linear search). */
+/* Return the index of the entry with a name, or -1. Not RT-safe (linear search). */
 int robot_find_body(const struct robot *robot, const char *name);
 int robot_find_joint(const struct robot *robot, const char *name);
 int robot_find_frame(const struct robot *robot, const char *name);

@@ -3,22 +3,23 @@
  * Static equilibrium: a start without the transient in which springs and contact layers take up the
  * weight.
  *
- * Given are the angles of the links, the reference pose of a controller. Unknown are the heights
- * and tilts of the base and of each free body at rest, at which the supports balance the weights.
- * The loads of the joints follow from inverse dynamics: each series spring is deflected by tau/Ks
- * (qm = q + tau/Ks; beyond its room it presses its stop), each motor carries I = tau/Kt and needs V
- * = R I, each cylinder holds its oil behind a closed valve. A joint without a drive at a limit
- * presses the stop there if its load has that direction: its angle changes by tau over the stop's
- * stiffness. A joint with a passive spring deflects that spring.
+ * The angles of the links are given: the reference pose of a controller. The unknowns are the
+ * heights and tilts of the base and of each free body at rest, at which the supports balance the
+ * weights. The loads of the joints follow from inverse dynamics. Each series spring deflects by
+ * tau/Ks (qm = q + tau/Ks) or presses its stop. Each motor carries I = tau/Kt and needs V = R I.
+ * Each cylinder keeps its oil behind a closed valve. A joint without a drive at a limit presses the
+ * stop there if its load has that direction: its angle changes by tau over the stop's stiffness. A
+ * joint with a passive spring deflects that spring.
  *
  * The first search has no friction. Place and heading (x, y, yaw) stay as given, and the legs do
  * not push against each other through the ground, as they may after a landing. On level ground this
- * search is enough. If sideways forces remain or it finds no equilibrium, as on a slope or between
- * hands, and friction sticks (contact/contact.h), a second search starts. The bodies then move
+ * search is enough. On a slope or between
+ * hands, sideways forces remain or the first search finds no equilibrium. If friction sticks
+ * (contact/contact.h), a second search then starts. The bodies then move
  * quasi-statically in all directions to where friction balances the forces. The bristles keep the
  * bend of this motion, so that the run begins at rest. Regularized friction depends on the sliding
- * speed and carries nothing at rest. With it, sideways forces must be small; otherwise the
- * equilibrium is refused, because the body would slide.
+ * speed and carries nothing at rest. With it, an equilibrium with large sideways forces is refused,
+ * because the body would slide.
  *
  * An unstable equilibrium is refused too: with locked joints, the robot must return from a small
  * tilt. Balance by springs and controller is not considered.
@@ -31,7 +32,8 @@
 struct settled {
     size_t iterations;
     double residual; /* largest remaining force on a body, relative to its weight */
-    double sideways; /* the same across gravity, with moments about gravity */
+    /* largest remaining force across gravity and moment about gravity, relative to the weight */
+    double sideways;
     double rise_m;   /* rise of the base along up, m; 0 with a fixed base */
     double tilt_rad; /* tilt of the base, rad */
 };

@@ -11,7 +11,7 @@
 #include "model/plant_private.h"
 #include "model/settle.h"
 
-/* The unknowns of a body; those that only friction determines are last. */
+/* The unknowns of a body. The last ones are determined only by friction. */
 enum settle_unknown {
     UNKNOWN_UP,
     UNKNOWN_FIRST_TILT,
@@ -23,11 +23,11 @@ enum settle_unknown {
     UNKNOWNS_WITHOUT_FRICTION = UNKNOWN_FIRST_ACROSS,
 };
 
-/* Damping at the equilibrium, and smallest damping at which it must be stable: one part of the
+/* Smallest damping, and the damping with which an equilibrium must be stable, in parts of one
  * weight per length of damping. */
 #define LEAST_DAMPING 1e-6
 
-/* A body whose rest is searched: the robot as a whole, or a free body. */
+/* A body whose position at rest is unknown: the robot as a whole, or a free body. */
 struct rest {
     const char *name;
     bool robot;
@@ -42,14 +42,14 @@ struct rest {
 struct settle {
     struct plant *plant;
     double up[3], across[2][3];
-    /* friction sticks, by bristles that bend with the motion: all unknowns are used */
+    /* true: sticking friction, with bristles that bend with the motion; all unknowns are used */
     bool holds;
     size_t unknowns; /* unknowns per body */
     size_t nrest, n; /* n = unknowns * nrest */
     struct rest *rest;
     double *zero, *f;   /* nv */
-    double *g, *ahead;  /* n: remaining forces; moments divided by the radius */
-    double *K, *factor; /* n x n: symmetric part of -dg/dx; Cholesky factor */
+    double *g, *ahead;  /* n: remaining forces, and moments divided by the radius */
+    double *K, *factor; /* n x n: K = symmetric part of -dg/dx; its Cholesky factor */
     double *step;       /* n: m; tilts multiplied by the radius */
     size_t weak;        /* body at which factorization failed */
     double *before;     /* copy of the state */
@@ -79,13 +79,13 @@ bool settle_factorize(struct settle *s, double damping);
 /* Fills step with (K + damping)^-1 g from the factor, limited to the largest allowed step. */
 void settle_solve(struct settle *s);
 
-/* Measures the steepest slope on which friction holds a body, rad, by dragging it slowly along its
- * support. Expects the equilibrium without friction, in which a sideways force remains on the
- * body; restores the state. */
+/* Measures the steepest slope on which friction holds a body, rad, by a slow motion along its
+ * support. The state must be the equilibrium without friction, with a sideways force on the body.
+ * Restores the state. */
 enum error_code settle_friction_angle(struct settle *s, size_t body, double *angle);
 
-/* Takes the step, or halves it until it lowers the potential or the residual. *moved is false if
- * no part of it does. */
+/* Moves by the step. Halves the step until it lowers the potential or the residual. *moved is false
+ * if no part of the step does. */
 enum error_code settle_advance(struct settle *s, bool *moved);
 
 #endif

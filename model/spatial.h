@@ -44,7 +44,7 @@ static inline void spatial_add_wrench(double scale, const struct spatial *f, con
     }
 }
 
-/* spatial_turn returns R x, spatial_turn_back R^T x: both parts in other axes. */
+/* Rotate both parts of x: spatial_turn returns R x, spatial_turn_back returns R^T x. */
 static inline struct spatial spatial_turn(const double R[9], const struct spatial *x)
 {
     struct spatial y;
@@ -63,8 +63,8 @@ static inline struct spatial spatial_turn_back(const double R[9], const struct s
     return y;
 }
 
-/* Convert from and to the upper triangle by rows, linear part first, the layout of struct
- * added_inertia and struct contact_tangent. */
+/* Convert from and to the layout of struct added_inertia and struct contact_tangent: upper triangle
+ * by rows, linear part first. */
 static inline void spatial_inertia_unpack(const double S[21], struct spatial_inertia *A)
 {
     const double M[6] = {S[0], S[1], S[2], S[6], S[7], S[11]};
@@ -104,8 +104,8 @@ static inline void spatial_inertia_rigid(double mass, const double com[3], const
     memcpy(A->M, M, sizeof M);
 }
 
-/* Moves A's reference point by -r: from a frame at r to the origin (axes unchanged). H' = H +
- * [r] M and J' = J - H [r] + [r] H'^T with [r] the cross-product matrix. */
+/* Moves the reference point of A by -r, from a frame at r to the origin; the axes do not change. H'
+ * = H + [r] M and J' = J - H [r] + [r] H'^T, with the cross-product matrix [r]. */
 static inline void spatial_inertia_shift(const double r[3], struct spatial_inertia *A)
 {
     double H[9];
@@ -142,7 +142,7 @@ static inline void spatial_inertia_rotate(const double R[9], struct spatial_iner
     mat3_mul(T, Rt, A->H);
 }
 
-/* f = A v */
+/* Computes f = A v. */
 static inline void spatial_inertia_apply(const struct spatial_inertia *A, const struct spatial *v,
                                          struct spatial *f)
 {

@@ -28,40 +28,41 @@ double stop_depth(double lower, double upper, double x);
 /* Returns the torque of the stop for this depth and rate of the coordinate. */
 double stop_torque(const struct robot_stop *stop, double depth, double rate);
 
-/* stop_energy returns the energy in the stop, J; stop_loss the loss of its damper, W. */
+/* stop_energy returns the energy stored in the stop, J. stop_loss returns the loss of its damper,
+ * W. */
 double stop_energy(const struct robot_stop *stop, double depth);
 double stop_loss(const struct robot_stop *stop, double depth, double rate);
 
-/* A stop in an implicit Euler step of h seconds, or in a stage of another scheme with its share of
- * the step. The step begins at x with the given rate. With the acceleration a it leads to rate' =
- * rate + h a and to x + h rate'. */
+/* State of a stop in an implicit Euler step of h seconds. A stage of another scheme counts as a
+ * step of its own length. The step begins at position x with the given rate. With the acceleration
+ * a, it ends at rate' = rate + h a and at x + h rate'. */
 struct stop_step {
-    double torque; /* at the end, torque - extra a */
-    double extra;  /* inertia, never negative */
-    /* 1: at the upper end, -1: at the lower end, 0: inactive, torque and extra are 0 */
+    double torque; /* the torque at the end of the step is torque - extra a */
+    double extra;  /* additional inertia, never negative */
+    /* 1: stop at the upper end, -1: at the lower end, 0: inactive (torque and extra are 0) */
     int side;
-    bool engaged, left; /* stop_step_revise has engaged it, or released it */
-    /* torque from an earlier stage of the same step, weighted like this stage's */
+    bool engaged, left; /* stop_step_revise has engaged or released the stop */
+    /* torque from an earlier stage of the same step, with the weight of this stage */
     double earlier;
 };
 
-/* Begins a step. The stop is active if the coordinate, left alone, would be past its range at
- * the end of the step and press. So a fast coordinate is stopped within the step, not one step
- * later. */
+/* Begins a step. The stop is active if, without it, the coordinate would end the step past its
+ * range and press the stop. So a fast coordinate is stopped within the step, not one step later. */
 void stop_step_begin(const struct robot_stop *stop, double lower, double upper, double x,
                      double rate, double h, struct stop_step *step);
 
-/* Continues a stop that acted in an earlier stage of the same step. side (not 0): where it acted;
- * earlier: its torque, weighted like this stage's. The stop is active at any place and may pull.
- * Reason: a scheme uses a stage's slope beyond the time for which it was found, which would throw
- * a stopped coordinate back at up to its own speed. This stage removes the surplus. */
+/* Continues a stop that acted in an earlier stage of the same step. side (not 0): end at which it
+ * acted. earlier: its torque in that stage, with the weight of this stage. The stop is active at
+ * any position and may pull. Reason: the scheme extends the earlier stage's slope beyond that
+ * stage. This alone would throw a stopped coordinate back with up to its own speed. The pull in
+ * this stage removes the surplus. */
 void stop_step_continue(const struct robot_stop *stop, double lower, double upper, double x,
                         double rate, double h, int side, double earlier, struct stop_step *step);
 
-/* Revises the stop after a is known. Releases a stop that would pull because another force turns
- * the coordinate back within the step. Engages a stop that the coordinate would pass within the
- * step. Returns true if the step has changed and a must be found again. Each change happens at
- * most once per step, so this ends. */
+/* Revises the stop for the solved acceleration a. Releases a stop that would pull because another
+ * force turns the coordinate back within the step. Engages a stop that the coordinate would pass
+ * within the step. Returns true after a change: a must then be solved again. Each change happens at
+ * most once per step, so the iteration ends. */
 bool stop_step_revise(const struct robot_stop *stop, double lower, double upper, double x,
                       double rate, double h, double a, struct stop_step *step);
 
@@ -82,7 +83,7 @@ bool passive_is_present(const struct robot_passive *passive);
 
 double passive_torque(const struct robot_passive *passive, double q, double qd);
 
-/* passive_energy returns the stored energy, J; passive_loss the damper's loss, W. */
+/* passive_energy returns the stored energy, J. passive_loss returns the loss of the damper, W. */
 double passive_energy(const struct robot_passive *passive, double q);
 double passive_loss(const struct robot_passive *passive, double qd);
 

@@ -14,7 +14,7 @@
 
 #include "model/robot.h"
 
-/* First members of each struct below that has a name. */
+/* First members of each struct that has a name. find_named_entry reads them. */
 struct named {
     struct yaml_mark mark;
     const char *name;
@@ -45,7 +45,7 @@ struct harmonic_yaml {
     struct robot_harmonic sine;
 };
 
-/* All keys of a drive belong to one kind. */
+/* Kinds of drives. All keys of a drive must belong to one kind. */
 enum drive_kind { DRIVE_UNSAID, DRIVE_ELECTRIC, DRIVE_HYDRAULIC };
 
 struct drive_yaml {
@@ -62,7 +62,7 @@ struct drive_yaml {
 /* A drive of the catalogue. */
 struct drive_file_yaml {
     struct yaml_mark mark;
-    struct robot_drive made; /* without sea and hydraulic */
+    struct robot_drive made; /* all members except sea and hydraulic */
     struct drive_yaml drive;
 };
 
@@ -72,7 +72,7 @@ struct joint_yaml {
     const char *parent, *child;
     double rpy[3];
     struct stops_yaml stops;
-    struct drive_yaml drive, hydraulic; /* hydraulic: like drive, but only of that kind */
+    struct drive_yaml drive, hydraulic; /* hydraulic: older key for a hydraulic drive */
     int64_t spring_sense;
     struct passive_yaml passive;
 };
@@ -179,18 +179,18 @@ int find_named_entry(const void *array, size_t count, size_t stride, const char 
 
 enum error_code robot_no_memory(struct robot_builder *b);
 
-/* Returns an error at mark if mass properties are physically impossible. */
+/* Refuses mass properties that are physically impossible. The error points to mark. */
 enum error_code robot_refuse_inertia(struct robot_builder *b, const struct yaml_mark *mark,
                                      const struct robot_inertia *inertia);
 
-/* Returns how many of the given keys a mapping has. */
+/* Returns the number of the given keys that a mapping has. */
 size_t robot_count_keys(const struct yaml_mark *mapping, const char *const *keys, size_t count);
 
 /* Returns the kind of a drive from its keys; DRIVE_UNSAID if it has none. */
 enum drive_kind robot_drive_kind(const struct drive_yaml *drive);
 
-/* Fills missing values of a drive from the catalogue file that it names, if any. Refuses keys of
- * both kinds. */
+/* Fills missing values of a drive from its catalogue file, if it names one. Refuses a drive with
+ * keys of both kinds. */
 enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *drive);
 
 /* Merges a variant's drive into the robot's own drive of the same kind; the variant's numbers
@@ -209,11 +209,11 @@ enum error_code robot_merge_own_drive(struct robot_builder *b, const struct driv
 enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *given,
                                   struct robot_joint *joint);
 
-/* Builds a hydraulic drive of a joint in the same way. */
+/* Builds the hydraulic drive of a joint. Missing values come from the robot's own drive. */
 enum error_code robot_build_hydraulic(struct robot_builder *b, const struct joint_yaml *given,
                                       struct robot_joint *joint);
 
-/* Builds a hydraulic drive of the catalogue, without a triangle. */
+/* Builds a hydraulic drive of the catalogue. It has no triangle keys. */
 enum error_code robot_build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
                                      struct robot_hydraulic *cylinder);
 
@@ -223,8 +223,8 @@ bool robot_key_is_of_triangle(const char *key);
 /* Builds the supply of all hydraulic drives. */
 enum error_code robot_build_hydraulic_supply(struct robot_builder *b);
 
-/* Build the parts of the robot: bodies and joints, in the order of the joints; then couplings,
- * frames, capsules, visuals, sensors, poses. */
+/* Build the parts of the robot in this order: bodies and joints (in the order of the joints),
+ * couplings, frames, capsules, visuals, sensors, poses. */
 enum error_code robot_build_tree(struct robot_builder *b);
 enum error_code robot_build_couplings(struct robot_builder *b);
 enum error_code robot_build_frames(struct robot_builder *b);

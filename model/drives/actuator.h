@@ -37,19 +37,19 @@ static inline double sea_torque(const struct robot_sea *sea, const struct sea_st
                                                : sea_torque_pressed(sea, state, q, qd);
 }
 
-/* The linear law near a deflection qm - q and its rate: tau = Ks (qm - q) + Ds (qm' - q') +
- * offset. It includes the stop if the spring presses it. */
+/* Linear law of the spring near a deflection qm - q and its rate: tau = Ks (qm - q) + Ds (qm' - q')
+ * + offset. The law includes the stop if the spring presses it. */
 struct sea_spring {
     double Ks, Ds, offset;
 };
 struct sea_spring sea_spring_at(const struct robot_sea *sea, double deflection, double rate);
 
-/* Returns the deflection (rad) at which the drive carries tau at rest; spring or stop must be able
- * to carry tau. */
+/* Returns the deflection (rad) at which the drive carries tau at rest. The spring or its stop must
+ * be able to carry tau. */
 double sea_deflection(const struct robot_sea *sea, double tau);
 
-/* Computes the time derivatives by eqs (2) and (4). bridge_on false: no current flows and I' = 0
- * (the caller sets I to zero when the bridge opens). V: voltage at the terminals. */
+/* Computes the time derivatives by eqs (2) and (4). V: voltage at the terminals. bridge_on false:
+ * I' = 0. The caller sets I to zero when the bridge opens. */
 void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
                     double V, bool bridge_on, struct sea_state *derivative);
 
@@ -80,7 +80,8 @@ double parallel_spring_torque(const struct robot_parallel_spring *spring, double
                               double q, double qd);
 
 /* Linearizes the parallel spring for an implicit Euler step of h seconds from p, q with the rates
- * pd, qd: its torque at the end is torque - extra qdd. A slack spring stays slack for the step. */
+ * pd, qd. The torque at the end of the step is torque - extra qdd. A slack spring stays slack
+ * during the step. */
 void parallel_spring_step(const struct robot_parallel_spring *spring, double p, double pd, double q,
                           double qd, double h, double *torque, double *extra);
 

@@ -28,19 +28,19 @@ enum drive_flow_input {
     FLOW_INPUTS
 };
 
-/* Change of motor angle, motor speed and current over the time t (s), per unit of each input. It
- * is the change, not the end value, so that a constant state stays bit-identical. */
+/* Changes of motor angle, motor speed and current over the time t (s), per unit of each input.
+ * Changes instead of end values keep a constant state bit-identical. */
 struct drive_flow {
     double t;
     double qm[FLOW_INPUTS], qmd[FLOW_INPUTS], I[FLOW_INPUTS];
 };
 
-/* Computes the flow of a drive over t seconds, t > 0, to rounding error for any stiffness.
- * bridge_on false: the current stays constant. Takes about 1,500 multiplications. */
+/* Computes the flow of a drive over t > 0 seconds, exact to rounding for any stiffness. bridge_on
+ * false: the current stays constant. Takes about 1,500 multiplications. */
 void drive_flow_make(const struct robot_sea *sea, bool bridge_on, double t,
                      struct drive_flow *flow);
 
-/* Computes the flow from an implicit Euler step of t seconds, its change multiplied by scale. For
+/* Computes the flow as `scale` times the change in an implicit Euler step of t seconds. Use it for
  * drives whose rotor oscillates on its spring too fast for the step. */
 void drive_flow_make_implicit(const struct robot_sea *sea, bool bridge_on, double t, double scale,
                               struct drive_flow *flow);

@@ -35,10 +35,10 @@ struct effects_state {
 struct effects_bridge {
     bool conducts;  /* false: no current can flow */
     double voltage; /* V, mean over the switching period */
-    /* V_h: voltage lost to dead time; with the bridge off, to supply and diodes */
+    /* V_h: voltage lost to dead time; with the bridge off, voltage of supply and diodes */
     double hold;
-    double diodes;    /* the part of hold that heats diodes */
-    double switching; /* V: power lost to switching, divided by |current| */
+    double diodes;    /* part of hold that heats the diodes */
+    double switching; /* switching loss divided by |current|, V */
     double ripple;    /* mean square of the current's ripple, A^2 */
 };
 
@@ -47,7 +47,7 @@ struct effects_mode {
     int slide, flow;
 };
 
-/* Returns the mode of a state. */
+/* Returns the mode of a state: the signs of rotor speed and current. */
 struct effects_mode effects_find_mode(const struct robot_sea *sea,
                                       const struct effects_state *state, double q, double qd,
                                       const struct effects_bridge *bridge);
@@ -57,8 +57,8 @@ void effects_derivative(const struct robot_sea *sea, const struct effects_state 
                         double qd, const struct effects_bridge *bridge,
                         const struct effects_mode *mode, struct effects_state *derivative);
 
-/* Checks whether the numbers of effects are possible for a drive; the error names the wrong
- * ones. */
+/* Checks that the parameters of effects are possible for a drive. The error names the wrong
+ * parameters. */
 enum error_code effects_check(const struct robot_sea *sea, struct error *error);
 
 /* Returns tau on the link, N m. */
@@ -72,16 +72,16 @@ double effects_current_rate(const struct robot_sea *sea, const struct effects_st
 /* Returns the deflection d, rad. */
 double effects_deflection(const struct robot_sea *sea, double qm, double q);
 
-/* Torques that a gear carries, N m, both positive if they would turn the joint forward: from the
- * motor, and from the load (-(1 + e') tau). */
+/* Torques that a gear carries, N m: from the motor, and from the load, -(1 + e') tau. Each is
+ * positive if it turns the joint forward. */
 struct effects_carried {
     double motor, external;
 };
 struct effects_carried effects_carried(const struct robot_sea *sea,
                                        const struct effects_state *state, double q, double qd);
 
-/* Returns the gear's friction F at a speed, N m: Coulomb, Stribeck, and friction from the torques
- * carried. */
+/* Returns the friction F of the gear at a speed, N m. It consists of Coulomb friction, Stribeck
+ * friction, and friction from the torques that the gear carries. */
 double effects_friction(const struct robot_sea *sea, double speed,
                         const struct effects_carried *carried);
 
@@ -94,7 +94,7 @@ double effects_winding(const struct robot_sea *sea, double winding_c);
 /* Returns the resistance in the current path: R of the winding plus R_b of the bridge, ohm. */
 double effects_resistance(const struct robot_sea *sea, double winding_c);
 
-/* Returns z after the deflection has changed by way in one direction; *loss receives the
+/* Returns z after the deflection has changed by `way` in one direction. *loss receives the
  * dissipated energy, J. */
 double effects_hysteresis(const struct robot_sea *sea, double z, double way, double *loss);
 
@@ -108,7 +108,7 @@ void effects_power(const struct robot_sea *sea, const struct effects_state *stat
                    double qd, const struct effects_bridge *bridge, const struct effects_mode *mode,
                    struct effects_power *power);
 
-/* Computes only the first three powers, without the motor's angle. */
+/* Computes only the first three powers, which do not depend on the motor's angle. */
 void effects_power_current(const struct robot_sea *sea, const struct effects_state *state,
                            const struct effects_bridge *bridge, const struct effects_mode *mode,
                            struct effects_power *power);
@@ -116,12 +116,12 @@ void effects_power_current(const struct robot_sea *sea, const struct effects_sta
 /* Returns the stored energy, J: sea_energy plus hysteresis and cogging. Heat is not stored. */
 double effects_energy(const struct robot_sea *sea, const struct effects_state *state, double q);
 
-/* Updates the temperatures after t seconds in which the winding received heat, J (trapezoidal
+/* Updates the temperatures after t seconds in which the winding received this heat, J (trapezoidal
  * rule). */
 void effects_warm(const struct robot_sea *sea, double heat, double t, struct effects_state *state);
 
-/* Returns the motor's angle qm at which any drive carries tau at rest with the joint at q, without
- * hysteresis. */
+/* Returns the motor's angle qm at which a drive, with or without effects, carries tau at rest with
+ * the joint at q. Ignores hysteresis. */
 double effects_motor_rest(const struct robot_sea *sea, double q, double tau);
 
 #endif

@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Advances a drive with effects (model/drives/effects.h) over a span with a constant joint rate and
- * constant bridge state, in a fixed number of parts. The linear dynamics of a part follow the exact
- * flow (model/drives/drive_flow.h) of a linear drive close to it. The rest is an additional torque
- * and voltage, used as means over the part by a predictor and a corrector. The scheme has order 2
- * and is exact for linear drives. Events:
+ * constant bridge state, in a fixed number of parts. A part takes the exact flow of a similar
+ * linear drive (model/drives/drive_flow.h). The difference to that drive is an additional torque
+ * and voltage. A predictor and a corrector compute their means over the part. The scheme has order
+ * 2 and is exact for linear drives. Events:
  *
  *   A rotor that comes to rest in a part stops where its speed, linear in time, is zero. Then it
  *   stays at rest, or turns back if the load exceeds the breakaway torque. A rotor at rest breaks
  *   away only at the start of a part; at rest its angle is bit-identical. A current that comes to
- *   zero is handled in the same way. Play and stops are met between two parts or by the means:
- *   their error is of order 2 in the part's length.
+ *   zero is handled in the same way. Play and stops have no events: their error is of order 2 in
+ *   the part's length.
  *
- * The amount of work is fixed except at events. SI units. RT-safe.
+ * The number of operations is fixed except at events. SI units. RT-safe.
  */
 #ifndef MODEL_DRIVES_EFFECTS_FLOW_H
 #define MODEL_DRIVES_EFFECTS_FLOW_H
@@ -23,9 +23,9 @@
 /* Number of parts of a span. */
 enum { EFFECTS_PARTS = 6 };
 
-/* Linear drives close to a drive with effects, without effects and stops. BENT: the spring is
- * bent; stiffness of spring plus hysteresis. LOOSE: the drive is within its play; stiffness of the
- * hysteresis. */
+/* Linear drives, without effects and stops, that approximate a drive with effects. BENT: the spring
+ * is bent; its stiffness is the sum of spring and hysteresis. LOOSE: the drive is within its play;
+ * its stiffness is the hysteresis alone. */
 enum effects_law { EFFECTS_BENT, EFFECTS_LOOSE, EFFECTS_LAWS };
 struct effects_linear {
     struct robot_sea of[EFFECTS_LAWS];
@@ -37,8 +37,8 @@ struct effects_flow {
     struct drive_flow of[EFFECTS_LAWS][2];
 };
 
-/* Computes the flows of a span of t seconds. Uses implicit Euler if the rotor's oscillation is not
- * resolved. */
+/* Computes the flows for a span of t seconds. Uses implicit Euler if the rotor oscillates too fast
+ * for the parts. */
 void effects_flow_make(const struct effects_linear *linear, double t, struct effects_flow *flow);
 
 /* Constants of a span. */
@@ -48,11 +48,11 @@ struct effects_span {
     const struct effects_flow *flow;
     struct effects_bridge bridge;
     double qd;       /* rate of the joint, rad/s */
-    bool all_powers; /* account for all powers, not only those of the current */
+    bool all_powers; /* account for all powers, not only the powers of the current */
 };
 
-/* Advances a drive with its joint at q through a span. Adds the integrals of its powers, J, to
- * work. work NULL: no account, and the temperatures do not change. */
+/* Advances a drive through a span that starts with its joint at q. Adds the integrals of its
+ * powers, J, to work. work NULL: no account, and the temperatures do not change. */
 void effects_advance(const struct effects_span *span, double q, struct effects_state *state,
                      struct effects_power *work);
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The supply of the bridges as a bus whose voltage rises under regeneration. It has a source of
- * voltage U behind a resistance R and a diode, which blocks reverse current (a battery has no
- * diode); a capacitor C; and a brake chopper, which connects a resistor from on_v up until the
- * voltage falls to off_v:
+ * The supply of the bridges as a bus whose voltage rises under regeneration. The bus has a source
+ * of voltage U behind a resistance R and a diode, which blocks reverse current (a battery has no
+ * diode). It has a capacitor C and a brake chopper. The chopper connects a resistor R_b when the
+ * voltage reaches on_v, until the voltage falls to off_v:
  *
  *     C V' = max(0, (U - V)/R) - [chopper] V/R_b - P/V
  *
@@ -16,7 +16,7 @@
 #include <stdbool.h>
 
 struct supply_bus {
-    double capacitance_f; /* 0 = no bus: the supply is the source */
+    double capacitance_f; /* 0 = no bus: the source supplies the bridges directly */
     double on_v, off_v;   /* voltages of the chopper; on_v 0 = no chopper */
     double brake_ohm;
     bool returns; /* the source accepts reverse current, like a battery */

@@ -43,10 +43,10 @@ struct hydraulic_port {
     bool stuck; /* the spool does not move */
 };
 
-/* Powers, W, or their integrals over time, J. Balance: in (oil from the supply, minus oil to the
- * return) = mechanical (on the piston) + orifice (ports, and the oil's expansion in them) +
- * leakage + the rate of hydraulic_energy. friction is the part of mechanical that is lost. drawn:
- * volume from the supply, m3/s or m3. */
+/* Powers, W, or their integrals over time, J. Balance: in = mechanical + orifice + leakage + the
+ * rate of hydraulic_energy. in: oil from the supply minus oil to the return. mechanical: work on
+ * the piston; friction is the part of it that is lost. orifice: loss in the ports, with the oil's
+ * expansion. drawn: volume from the supply, m3/s or m3. */
 struct hydraulic_power {
     double in, mechanical, orifice, leakage, friction, drawn;
 };
@@ -64,8 +64,7 @@ double hydraulic_speed_constant(const struct robot_hydraulic *cylinder,
                                 const struct robot_hydraulic_supply *supply, double lower,
                                 double upper);
 
-/* Checks whether the triangle is possible for a joint with this range; the error gives the reason
- * if not. */
+/* Checks that the triangle is possible for a joint with this range. The error gives the reason. */
 enum error_code hydraulic_check(const struct robot_hydraulic *cylinder, double lower, double upper,
                                 struct error *error);
 
@@ -88,14 +87,14 @@ void hydraulic_derive(const struct robot_hydraulic *cylinder, const double *stat
 void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydraulic_port *port,
                        double t, double *state, struct hydraulic_power *power, double *slope);
 
-/* Computes the pressures at rest without force on the joint; they lie between supply and
- * return. */
+/* Computes the pressures at rest without torque on the joint. They are between supply and return
+ * pressure. */
 void hydraulic_rest(const struct robot_hydraulic *cylinder, const struct robot_hydraulic_supply *s,
                     double *state);
 
-/* Computes the pressures at rest with this torque on the joint. Both change by the same force from
- * those without torque, as far as supply and return allow. Returns false and leaves the state
- * unchanged if no pressures between the two give this torque. */
+/* Computes the pressures at rest with this torque on the joint. Starts from the pressures without
+ * torque and gives each chamber half of the force, as far as supply and return pressure allow.
+ * Returns false and leaves the state unchanged if no pressures in this range give the torque. */
 bool hydraulic_rest_loaded(const struct robot_hydraulic *cylinder,
                            const struct robot_hydraulic_supply *s, double q, double torque,
                            double *state);

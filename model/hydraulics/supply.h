@@ -29,21 +29,20 @@ double hydraulic_supply_derive(const struct robot_hydraulic_supply *s,
                                const struct hydraulic_supply_condition *condition, double pressure,
                                double drawn, struct hydraulic_supply_power *power);
 
-/* Returns whether the accumulator is empty, so that the pressure follows the drawn flow
- * immediately. hydraulic_supply_advance then needs the flow that the valves draw at the end
- * pressure. */
+/* Returns whether the accumulator is empty. The pressure then follows the drawn flow immediately,
+ * and hydraulic_supply_advance needs the flow that the valves draw at the end pressure. */
 bool hydraulic_supply_is_empty(const struct robot_hydraulic_supply *s, double pressure);
 
-/* Returns the pressure after t seconds with this volume drawn at constant flow. held: pressure for
- * which the volume was computed. Normally this is the pressure at the start (linearly implicit).
- * For an empty accumulator it is a guess of the end pressure (implicit): the result equals held if
- * held is the solution, is larger above it, smaller below. Adds to work. */
+/* Returns the pressure after t seconds in which this volume is drawn at constant flow. Adds the
+ * energies to work. held: pressure for which the volume was computed, normally the pressure at the
+ * start (linearly implicit). For an empty accumulator, held is a guess of the end pressure
+ * (implicit). The result equals held if held is the solution. */
 double hydraulic_supply_advance(const struct robot_hydraulic_supply *s,
                                 const struct hydraulic_supply_condition *condition, double pressure,
                                 double held, double drawn, double t,
                                 struct hydraulic_supply_power *work);
 
-/* Returns the energy of the accumulator's gas, and of the compressed oil below precharge, J. */
+/* Returns the energy of the accumulator's gas or, below precharge, of the compressed oil, J. */
 double hydraulic_supply_energy(const struct robot_hydraulic_supply *s, double pressure);
 
 #endif

@@ -8,46 +8,49 @@
  *     u1 = u0 + gamma h k1                        q1 = q0 + gamma h u1
  *     u2 = u0 + (1 - gamma) h k1 + gamma h k2     q2 = q0 + (1 - gamma) h u1 + gamma h u2
  *
- * and the step's end is the second stage. Each is an implicit Euler step of gamma h from a base
- * (u0, q0, or the terms before gamma h k2, gamma h u2). docs/integrator.md has the derivation, the
- * stability map and the errors measured.
+ * The second stage is the end of the step. Each stage is an implicit Euler step of gamma h from a
+ * base: u0 and q0 for the first stage, the terms before gamma h k2 and gamma h u2 for the second.
+ * docs/integrator.md has the derivation, the stability map and the measured errors.
  *
- * Forces at a stage are those at a point near it, linearized there: the slope of the last step
- * predicts the point's rates. Their error is of order h^2. So the parts that are not stiff,
- * velocity products and the pose of the mass matrix, have order 2 without another pass. The
- * predicting slope is the smaller of two, or zero if their signs differ (minmod), so that an impact
- * is not extrapolated.
+ * Linearization. Each stage evaluates the forces at one point near the stage and linearizes them
+ * there. The slope of the last step predicts the rates at the point. The prediction has an error
+ * of order h^2. So velocity products and the pose in the mass matrix, which are not stiff, have
+ * order 2 without a second evaluation. The predicting slope is the smaller of two slopes, or
+ * zero if their signs differ (minmod). So the scheme does not extrapolate an impact.
  *
- *   drives      solved exactly for joints that move at a stage's rates (drives/drive_flow.h): on
- *               its joint remain a torque and an inertia; parallel springs likewise by implicit
- *               Euler;
- *   couplings   of joints by implicit Euler too, beside the tree (model/implicit/solve.c);
- *   end stops   likewise, those that the joints press at the stage; where one turns out to pull, or
- *               to be missing, the stage is solved again without it or with it; one that has
- *               pushed in the first stage may take that much back in the second (model/stop.h);
- *   contact     a pair with the tangents K and D has, at its center, the wrench
- *               F - H (D + H K) (A - Ap), H = gamma h, A the relative acceleration of the stage and
- *               Ap that which leads to the point: H (D + H K) adds to its bodies' inertias;
- *   friction    that sticks: its bristles are bent from the base as the point's rates would, and
- *               follow the stage's linearly (model/implicit/bristle.c);
- *   gyroscopic  moments of free bodies are those at the stage, by iteration.
+ *   drives      The scheme solves each drive exactly for a joint that moves at the stage's rate
+ *               (model/drives/drive_flow.h). The joint sees a torque and an additional inertia.
+ *               Parallel springs give the same two terms by implicit Euler.
+ *   couplings   Couplings between joints are solved by implicit Euler, outside the tree
+ *               (model/implicit/solve.c).
+ *   end stops   Stops that joints press at the stage act by implicit Euler. If a stop turns out to
+ *               pull, the stage is solved again without it. If a stop turns out to be missing, the
+ *               stage is solved again with it. A stop that pushed in the first stage may take back
+ *               as much in the second stage (model/stop.h).
+ *   contact     A pair has the tangents K and D, and at its center the wrench
+ *               F - H (D + H K) (A - Ap). H is gamma h, A the relative acceleration of the stage,
+ *               Ap the relative acceleration that leads to the point. So H (D + H K) is an
+ *               additional inertia of the pair's bodies.
+ *   friction    The rates at the point bend the bristles of sticking friction from the base. The
+ *               stage's rates then correct the bend linearly (model/implicit/bristle.c).
+ *   gyroscopic  Gyroscopic moments of free bodies are evaluated at the stage, by iteration.
  *
- * So a stage is the system (Mass + E + sum Jb^T A_b Jb) a = right-hand side, which
- * dynamics_ops.implicit solves in one pass over the tree. Free bodies are 6x6 systems of their own.
- * A pair between two moving bodies couples them beyond the tree's structure: C holds those blocks,
- * and conjugate gradients with the uncoupled system P as preconditioner solve (P + C) a = rhs. Both
- * are positive definite, and so is P - C, hence P^-1 C has its eigenvalues within (-1, 1), no more
- * than 12 of them other than zero for each such pair.
+ * Linear system. A stage is the system (Mass + E + sum Jb^T A_b Jb) a = right-hand side, with the
+ * additional inertias E of joints and A_b of bodies. dynamics_ops.implicit solves it in one pass
+ * over the tree. Each free body is a 6x6 system. A pair between two moving bodies adds blocks
+ * outside the tree's structure. C consists of these blocks, P is the system without them. Conjugate
+ * gradients with P as preconditioner solve (P + C) a = rhs. P, P + C and P - C are positive
+ * definite, so the eigenvalues of P^-1 C are within (-1, 1). At most 12 of them per pair are not
+ * zero.
  *
- * The wrench at the step's end is the one that moved the bodies in the second stage. It is kept for
- * the sensors, with the accelerations: the law of contact itself, evaluated at the state that the
- * step led to, would turn each error e of a velocity into a force D e, with D up to 1e5 N s/m, that
- * has moved nothing. The energy account takes the wrenches of both stages, with the scheme's
- * weights.
+ * Output. The sensors read the wrenches that moved the bodies in the second stage, and the
+ * accelerations of that stage. The contact law is not evaluated again at the end of the step: each
+ * velocity error e would become a force D e, with D up to 1e5 N s/m, that has moved no body. The
+ * energy account uses the wrenches of both stages, with the scheme's weights.
  *
- * Where something strikes, the rates of a pair, or of a joint at its stop, at a stage are far from
- * those at the point: the step is then taken again in 4 or 16 parts, a bounded and deterministic
- * amount of work; in 4 too where the robot's base spins.
+ * Impacts. At an impact, the rates of a pair, or of a joint at its stop, differ much between stage
+ * and point. The step is then repeated in 4 or 16 parts. A step in which the robot's base spins
+ * fast is repeated in 4 parts. The amount of work is bounded and deterministic.
  */
 #include "model/implicit/implicit.h"
 
@@ -56,11 +59,13 @@
 #include <math.h>
 #include <string.h>
 
-/* Unpredicted changes of a pair's velocity in a stage from which the step is divided, m/s. */
+/* Unpredicted changes of a pair's velocity in a stage at which a step is divided into 4 or into 16
+ * parts, m/s. */
 #define JUMP_QUARTER 0.02
 #define JUMP_SIXTEENTH 0.1
 
-/* Rotation of the robot's base in a step from which the step is divided, rad: 12 rad/s at 1 ms. */
+/* Rotation of the robot's base in a step at which the step is divided into 4 parts, rad. For steps
+ * of 1 ms this is 12 rad/s. */
 #define TURN_QUARTER 0.012
 
 /* Returns the number nearer to zero, or zero if the signs differ (minmod). */
@@ -78,7 +83,8 @@ static void account_stage(struct plant *plant, double weight)
     im->work[WORK_PUSH] += weight * im->load.push;
 }
 
-/* Solves the first stage: fills u_1 and slope from the start; base becomes the second stage's. */
+/* Solves the first stage: fills u_1 and slope, and advances base to the base of the second
+ * stage. */
 static enum error_code take_first_stage(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -99,14 +105,14 @@ static enum error_code take_first_stage(struct plant *plant)
     memcpy(im->wrench_1, im->wrench, plant->config.ncontact * sizeof *im->wrench_1);
     account_stage(plant, rest);
 
-    /* Powers of the joints at the stage itself */
+    /* Account for the powers of the joints at the solved stage */
     memcpy(im->point, im->base, bytes);
     implicit_move(plant, im->u, im->stage_h, im->point);
     implicit_set_rates(plant, im->u, im->point);
     implicit_account_joints(plant, rest, im->point, im->stage_h);
 
-    /* Keeps the action of end stops in the solved first stage for the second stage. weight: weight
-     * of the second stage relative to the first one. */
+    /* Store the torques of end stops in the first stage for the second stage. weight: weight of the
+     * second stage relative to the first stage */
     const struct robot *robot = plant->config.robot;
     const double *a = im->a + robot->nv - robot->njoint;
 
@@ -115,7 +121,7 @@ static enum error_code take_first_stage(struct plant *plant)
         im->stop_torque[j] = (rest / im->stage_h) * (im->stop[j].torque - im->stop[j].extra * a[j]);
     }
 
-    /* Base of the second stage */
+    /* Advance base to the base of the second stage */
     implicit_advance_actuators(plant, SPAN_TO_BASE, im->u);
     implicit_move(plant, im->u, rest, im->base);
     implicit_advance_bristles(plant, rest);
@@ -126,8 +132,8 @@ static enum error_code take_first_stage(struct plant *plant)
     return ERROR_NONE;
 }
 
-/* Solves the second stage: state becomes the step's end, trend the prediction for the next
- * step. */
+/* Solves the second stage: advances state to the end of the step, and sets trend, the prediction
+ * for the next step. */
 static enum error_code take_second_stage(struct plant *plant)
 {
     const double further = (1.0 - IMPLICIT_GAMMA) / IMPLICIT_GAMMA;
@@ -147,7 +153,7 @@ static enum error_code take_second_stage(struct plant *plant)
         im->trend[i] = smaller_slope(im->slope[i], (im->u[i] - im->u_begin[i]) / im->h);
     }
 
-    /* The end of the step */
+    /* Advance drives and positions to the end of the step */
     implicit_advance_actuators(plant, SPAN_STAGE, im->u);
     implicit_move(plant, im->u, im->stage_h, im->base);
     implicit_advance_bristles(plant, im->stage_h);
@@ -170,7 +176,7 @@ static enum error_code step_part(struct plant *plant, enum implicit_level level,
     memset(im->work, 0, sizeof im->work);
     memcpy(im->begin, plant->state, plant->at.bristle * sizeof *im->begin);
     implicit_get_rates(plant, im->begin, im->u_begin);
-    /* Both stages, then the constraints and the accounts at the end */
+    /* Solve both stages, then apply the constraints and the accounts at the end of the step */
     if ((code = take_first_stage(plant)) || (code = take_second_stage(plant))) {
         return code;
     }
@@ -187,8 +193,9 @@ static enum error_code step_part(struct plant *plant, enum implicit_level level,
     return ERROR_NONE;
 }
 
-/* Returns how finely a step of h seconds, taken in one piece, must be divided: because of impacts
- * in it, or because the base spins and the velocity products of the limbs vary within it. */
+/* Returns into how many parts a step of h seconds must be divided, after it was solved in one part.
+ * Reasons: impacts, or a base that spins so fast that the velocity products of the limbs vary
+ * within the step. */
 static enum implicit_level needed_level(const struct plant *plant, double h)
 {
     const struct implicit *im = plant->implicit;
@@ -214,7 +221,7 @@ enum error_code implicit_step(struct plant *plant, double h)
     enum error_code code;
     int parts;
 
-    /* One piece, if there are no impacts and no spin */
+    /* Try the step in one part */
     implicit_hold_lanes(plant);
     memcpy(im->trend_begin, im->trend, bytes);
     code = step_part(plant, LEVEL_WHOLE, h);
@@ -227,7 +234,7 @@ enum error_code implicit_step(struct plant *plant, double h)
         return ERROR_NONE;
     }
 
-    /* Otherwise again in parts, from the state at the start */
+    /* Repeat the step in parts, from the state at its start */
     parts = level == LEVEL_QUARTER ? 4 : 16;
     plant_return_state(plant);
     memcpy(im->trend, im->trend_begin, bytes);
@@ -269,7 +276,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
         return NULL;
     }
 
-    /* Numbers of accelerations and observed bodies */
+    /* Count the accelerations and the observed bodies */
     im->na = robot->nv + FREE_ACCELERATIONS * nfree;
     for (size_t b = 0; b < robot->nbody; b++) {
         im->nobserved += robot->body[b].observed;
@@ -332,7 +339,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->ext, robot->nbody);
     TAKE(im->motion, robot->nbody);
 
-    /* Drives of the groups; ranges of the joints, as arrays */
+    /* Assign drives to groups; copy the ranges of the joints to arrays */
     for (size_t d = 0; ok && d < DRIVE_LANES * im->ngroup; d++) {
         im->group[d / DRIVE_LANES].drive[d % DRIVE_LANES] =
             d < plant->ndrive ? d : plant->ndrive - 1;
@@ -342,7 +349,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
         im->upper[j] = robot->joint[j].upper;
     }
 
-    /* Index of each contact body among the observed bodies */
+    /* Find the index of each contact body among the observed bodies */
     for (size_t c = 0; ok && c < ncontact; c++) {
         for (size_t b = 0; b < robot->nbody && (int)b < plant->config.contact_body[c]; b++) {
             im->number[c] += robot->body[b].observed;

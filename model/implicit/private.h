@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the parts of the implicit integrator share: implicit.c (steps and their length), stage.c
- * (one stage), actuators.c (drives and springs), lanes.c (drives side by side), effects.c (drives
- * with effects), contact.c (pairs in touch), bristle.c (their bristles), solve.c (the linear system
- * with the joint couplings). The scheme and its symbols: implicit.c. A contact body's index is the
- * index of its motion in the array given to the engine. SI units. The plant owns the memory. All
- * errors are returned. RT-safe.
+ * Declarations that the parts of the implicit integrator share: implicit.c (steps and their
+ * length), stage.c (one stage), actuators.c (drives and springs), lanes.c (two drives per vector
+ * register), effects.c (drives with effects), hydraulic.c (hydraulic joints), contact.c (pairs in
+ * contact), bristle.c (bristles of the pairs), solve.c (the linear system with the joint
+ * couplings). implicit.c explains the scheme and its symbols. The index of a contact body is the
+ * index of its motion in the array given to the engine. SI units. The plant owns the memory.
+ * Functions return all errors. RT-safe.
  */
 #ifndef MODEL_IMPLICIT_PRIVATE_H
 #define MODEL_IMPLICIT_PRIVATE_H
@@ -15,11 +16,11 @@
 #include "model/implicit/implicit.h"
 #include "model/spatial.h"
 
-/* Part of a spring's room within which its stop is ignored in a span. */
+/* Below this part of the largest deflection, the stop of a spring is ignored in a span. */
 #define STOP_NEAR 0.8
 
-/* Lever, m, that converts the velocity jumps of joints, and of rotors on their springs, at an
- * impact into those of a body. */
+/* Lever, m. It converts velocity jumps of joints, and of rotors on their springs, to the velocity
+ * jump of a body. */
 #define STRIKE_LEVER 0.1
 
 /* The scheme's coefficient, 1 - 1/sqrt(2). */
@@ -28,24 +29,25 @@
 /* The two sides of a pair. */
 enum pair_side { PAIR_A, PAIR_B };
 
-/* A pair of surfaces in contact. World frame, about center. */
+/* A pair of surfaces in contact. Twists and wrenches are in the world frame, about the pair's
+ * center. */
 struct active_pair {
     int index;   /* index of the pair in the contact configuration */
-    int body[2]; /* side's contact body, -1 = the world */
+    int body[2]; /* contact body of each side; -1 = the world */
     double center[3];
-    struct spatial_inertia A; /* h (D + h K), h the length of the stage */
-    struct spatial point;     /* relative acceleration that leads to the linearization point */
-    struct spatial beyond;    /* relative acceleration of the stage minus point */
-    /* change of the wrench on b from the point to the stage, negated: A times beyond */
+    struct spatial_inertia A; /* h (D + h K); h: length of the stage */
+    struct spatial point;     /* relative acceleration from base to point */
+    struct spatial beyond;    /* relative acceleration of the stage, minus `point` */
+    /* wrench on b at the point minus wrench on b at the stage: A times beyond */
     struct spatial decrease;
-    double bent; /* twice the energy of its bristles at the stage's base, J */
+    double bent; /* twice the energy of the pair's bristles at the base, J */
 };
 
 /* Parts of a free body's accelerations, in its frame. */
 enum free_acceleration_part { FREE_LINEAR = 0, FREE_ANGULAR = 3, FREE_ACCELERATIONS = 6 };
 
-/* Lengths of steps: whole; a quarter or a sixteenth at impacts. The drives' accounts also use
- * quarters of the shortest one. */
+/* Lengths of steps: whole, or a quarter or a sixteenth at impacts. The drives' accounts also use a
+ * quarter of the shortest step. */
 enum implicit_level { LEVEL_WHOLE, LEVEL_QUARTER, LEVEL_SIXTEENTH, STEP_LEVELS, FLOW_LEVELS };
 
 /* The two spans of a step for a drive: to the start of the second stage, (1 - gamma) h, and
@@ -60,31 +62,30 @@ struct drive_flows {
     struct drive_flow of[SPRING_LAWS][2][FLOW_LEVELS][SPANS];
 };
 
-/* Drives side by side in a vector register of the baseline instruction set. */
+/* Number of drives per vector register of the baseline instruction set. */
 enum { DRIVE_LANES = 2 };
 typedef double drive_lanes __attribute__((vector_size(DRIVE_LANES * sizeof(double))));
 typedef long long drive_lanes_mask __attribute__((vector_size(DRIVE_LANES * sizeof(long long))));
 
-/* struct drive_flow of each. */
+/* Members of struct drive_flow, with one lane per drive. */
 struct drive_lane_flow {
     drive_lanes t;
     drive_lanes qm[FLOW_INPUTS], qmd[FLOW_INPUTS], I[FLOW_INPUTS];
 };
 
-/* The drives of one register: model/implicit/lanes.c. */
+/* The drives that share vector registers: model/implicit/lanes.c. */
 struct drive_group {
     size_t drive[DRIVE_LANES]; /* unused lanes repeat the last drive */
 
     /* Constant over a step */
     drive_lanes V, Ks, Ds;
-    drive_lanes
-        room; /* deflection of the spring that is far from its stop, rad; -1: drive with effects */
+    drive_lanes room; /* largest deflection far from the stop, rad; -1: drive with effects */
     struct drive_lane_flow flow[STEP_LEVELS][SPANS]; /* flow with a free spring */
-    drive_lanes extra[STEP_LEVELS];                  /* of the stage, on the joint */
+    drive_lanes extra[STEP_LEVELS];                  /* inertia on the joint in the stage */
 
     /* At the stage's base */
     drive_lanes q, twist, qm, qmd, I; /* twist: qm - q */
-    drive_lanes_mask is_free;         /* drives that were linearized by lanes */
+    drive_lanes_mask is_free;         /* drives that lanes.c linearized in this stage */
 };
 
 /* Data of a drive with effects for its spans. */
@@ -99,30 +100,30 @@ struct implicit_effects {
  * rotation. States have the plant's layout. */
 struct implicit {
     /* The step */
-    double h; /* of the step, s */
+    double h; /* length of the step, s */
     enum implicit_level level;
     double *begin;         /* state at the start of the step */
     double *u_begin, *u_1; /* rates at the start and at the first stage */
-    double *trend;         /* slope of the rates from the last step, limited: see implicit.c */
-    double *trend_begin;   /* trend before a step that is repeated */
+    double *trend;         /* limited slope of the rates from the last step: see implicit.c */
+    double *trend_begin;   /* trend at the start of the step, to repeat the step */
     double jump;           /* largest unpredicted change of a pair's velocity, m/s */
     double work[WORK_ALL]; /* integrals of powers in the step */
 
     /* The stage */
     double stage_h;               /* gamma h */
     double *base;                 /* state at the start of the stage */
-    double *point;                /* state about which all is linearized */
+    double *point;                /* state at which forces are linearized */
     double *u_base, *u_point, *u; /* rates at the base, at the point and at the stage */
     double *slope;                /* derivative of u */
-    double *a_point;              /* (u_point - u_base) / stage_h, as a */
-    struct plant_load load;       /* powers of pushes, at the point */
+    double *a_point;              /* (u_point - u_base) / stage_h, in the coordinates of a */
+    struct plant_load load;       /* powers of pushes, evaluated at the point */
 
     /* Actuators */
-    /* of each drive: for its own parameters, and for a condition's */
+    /* of each drive: flows for its own parameters, and for the parameters in a condition */
     struct drive_flows *sound, *changed;
     const struct drive_flows **flows; /* of each drive: the flows in use */
-    enum spring_law *law;             /* of each drive: in this stage */
-    /* The same three, for drives of a robot with effects */
+    enum spring_law *law;             /* of each drive: spring law in this stage */
+    /* The same three arrays, for drives with effects */
     struct implicit_effects *effects_sound, *effects_changed;
     const struct implicit_effects **effects;
     struct drive_group *group; /* ngroup groups of DRIVE_LANES drives each */
@@ -130,13 +131,13 @@ struct implicit {
     signed char *lane_bridge; /* of each drive: bridge state for which its lane was filled */
     double *extra, *torque;   /* by joint */
     struct stop_step *stop;   /* by joint */
-    bool stops_rest;          /* all of stop are 0 */
+    bool stops_rest;          /* all entries of stop are 0 */
     bool stops_acted;         /* some stop acted in the first stage, with stop_torque */
     double *stop_torque;      /* by joint, weighted for the second stage */
-    double *lower, *upper;    /* by joint: its range */
+    double *lower, *upper;    /* by joint: range of the position */
 
     /* By joint coupling */
-    /* reciprocal of h (D + h K), and the force for a = 0 times the reciprocal */
+    /* compliance: 1 / (h (D + h K)); pull: compliance times the force for a = 0 */
     double *compliance, *pull;
     double *column, *factor; /* nv numbers per coupling; factor of all couplings: coupling.h */
     double *force;           /* N m or N */
@@ -147,18 +148,18 @@ struct implicit {
     struct active_pair *active;
     size_t ntouched;
     bool *is_touched;                        /* by contact body: it belongs to an active pair */
-    int *touched;                            /* those bodies, ascending */
+    int *touched;                            /* indices of these bodies, ascending */
     struct spatial_inertia *contact_inertia; /* by contact body: A_b, world, about its origin */
     struct contact_wrench *wrench;           /* by contact body, at the stage */
     struct contact_wrench *wrench_1;         /* at the first stage */
     double contact_power;                    /* power of the wrenches, W */
-    bool coupled;                            /* some pair is between two moving bodies */
+    bool coupled;                            /* at least one pair is between two moving bodies */
     size_t nobserved;
     size_t *number;              /* by contact body: its index among the observed bodies */
     struct added_inertia *added; /* by observed body */
 
     /* Free bodies, in their frames, about their centers of mass, at the linearization point */
-    struct spatial_inertia *free_inertia; /* with A_b */
+    struct spatial_inertia *free_inertia; /* including A_b */
     struct spatial *free_load;
 
     /* Accelerations: nv of the robot, then FREE_ACCELERATIONS of each free body */
@@ -201,7 +202,7 @@ static inline void implicit_arm(const struct plant *plant, int contact, const do
     }
 }
 
-/* y += scale x */
+/* Adds scale times x to y. */
 static inline void add_scaled(double scale, const double *x, double *y, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
@@ -209,7 +210,7 @@ static inline void add_scaled(double scale, const double *x, double *y, size_t c
     }
 }
 
-/* Adds a wrench in the world frame to what acts on a contact body, ext. */
+/* Adds a wrench in the world frame to the wrench ext on a contact body, in its own frame. */
 static inline void add_contact_wrench(struct plant *plant, int contact, const struct spatial *f,
                                       struct wrench *ext)
 {
@@ -223,8 +224,9 @@ static inline void add_contact_wrench(struct plant *plant, int contact, const st
 
 /* ---- one stage: stage.c ---- */
 
-/* Solves the stage of stage_h seconds that starts from base (u_base), linearized at the state to
- * which u_point leads. Fills slope and u. Returns the contact engine's failure, if any. */
+/* Solves the stage of stage_h seconds from base (u_base). Linearizes the forces at the point, the
+ * state that the rates u_point lead to. Fills slope and u. Returns the contact engine's failure, if
+ * any. */
 enum error_code implicit_solve_stage(struct plant *plant);
 
 /* implicit_get_rates reads the rates from a state; implicit_set_rates writes them to it. */
@@ -239,9 +241,8 @@ void implicit_move(const struct plant *plant, const double *u, double h, double 
 /* Fills torque and extra of the stage from base. */
 void implicit_linearize_actuators(struct plant *plant);
 
-/* Removes the end stops that would pull at the accelerations found, and adds stops that joints
- * would pass within the stage. Returns true if there are changes; the stage must then be solved
- * again. */
+/* Removes end stops that pull at the solved accelerations, and adds stops that joints would pass
+ * within the stage. Returns true after a change: the stage must then be solved again. */
 bool implicit_revise_stops(struct plant *plant);
 
 /* Advances drives and pretensions of base through a span with the joints at the rates u, from the
@@ -253,15 +254,15 @@ void implicit_advance_actuators(struct plant *plant, enum implicit_span span, co
 void implicit_linearize_drive(struct plant *plant, size_t d);
 void implicit_advance_drive(struct plant *plant, size_t d, enum implicit_span span, double rate);
 
-/* Adds to work the powers over weight seconds of parallel springs, end stops and joint couplings.
- * offset: seconds from state to the pretensions used. */
+/* Adds `weight` seconds times the powers of parallel springs, end stops and joint couplings to
+ * work. offset: time from state to the pretensions used, s. */
 void implicit_account_joints(struct plant *plant, double weight, const double *state,
                              double offset);
 
 /* ---- drives side by side: lanes.c ---- */
 
-/* Takes over the voltages and bridges of a step, and discards the kept data of drives whose
- * parameters have changed. */
+/* implicit_hold_lanes loads the voltages and bridge states of a step into the lanes.
+ * implicit_forget_lane discards the lane of a drive whose parameters have changed. */
 void implicit_hold_lanes(struct plant *plant);
 void implicit_forget_lane(struct plant *plant, size_t d);
 
@@ -272,8 +273,8 @@ void implicit_advance_drives(struct plant *plant, enum implicit_span span, const
 
 /* ---- drives with effects: effects.c ---- */
 
-/* implicit_prepare_effects computes the flows of a drive's own parameters if it has effects. The
- * refresh function selects them, or computes those of its condition. */
+/* implicit_prepare_effects computes the flows for a drive's own parameters, if it has effects.
+ * implicit_refresh_effects selects these flows, or computes the flows for the drive's condition. */
 void implicit_prepare_effects(struct plant *plant, size_t d);
 void implicit_refresh_effects(struct plant *plant, size_t d);
 
@@ -292,13 +293,13 @@ void implicit_advance_hydraulics(struct plant *plant, double t, const double *ra
 
 /* ---- active pairs: contact.c ---- */
 
-/* Linearizes contact at the point: fills active, adds A times the acceleration that leads to the
- * point to plant->ext, and A to contact_inertia. Returns ERROR_INPUT for more than
+/* Linearizes contact at the point. Fills active and adds each pair's A to contact_inertia. Adds A
+ * times the acceleration from base to point to plant->ext. Returns ERROR_INPUT for more than
  * IMPLICIT_TANGENTS pairs. */
 enum error_code implicit_linearize_contact(struct plant *plant);
 
-/* Computes the wrenches at the stage and their power, from the wrenches at the point and the
- * accelerations a; raises jump. */
+/* Computes the wrenches at the stage and their power from the wrenches at the point and the
+ * accelerations a. Updates jump, the largest velocity jump. */
 void implicit_end_contact(struct plant *plant);
 
 /* Adds the mean wrenches of the solved part of a step to the plant's peaks and impulses, and their
@@ -311,8 +312,8 @@ void implicit_clamp_friction(struct plant *plant);
 
 /* ---- bristles: bristle.c ---- */
 
-/* Advances the bristles of the plant's state, the stages' base, by h seconds with the slope of the
- * solved stage. */
+/* Advances the bristles of the plant's state, which is the base of the stages, by h seconds with
+ * the slope of the solved stage. */
 void implicit_advance_bristles(struct plant *plant, double h);
 
 /* ---- the linear system: solve.c ---- */
@@ -321,7 +322,8 @@ void implicit_advance_bristles(struct plant *plant, double h);
  * extra, torque, added, contact_inertia, active and plant->ext. */
 void implicit_solve(struct plant *plant);
 
-/* Computes the accelerations of the touched contact bodies' origins from a, world frame. */
+/* Computes the accelerations of the origins of the touched contact bodies from a, in the world
+ * frame. */
 void implicit_contact_accelerations(struct plant *plant, const double *a, struct spatial *twist);
 
 #endif
