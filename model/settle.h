@@ -13,13 +13,12 @@
  *
  * The first search has no friction. Place and heading (x, y, yaw) stay as given, and the legs do
  * not push against each other through the ground, as they may after a landing. On level ground this
- * search is enough. On a slope or between
- * hands, sideways forces remain or the first search finds no equilibrium. If friction sticks
- * (contact/contact.h), a second search then starts. The bodies then move
- * quasi-statically in all directions to where friction balances the forces. The bristles keep the
- * bend of this motion, so that the run begins at rest. Regularized friction depends on the sliding
- * speed and carries nothing at rest. With it, an equilibrium with large sideways forces is refused,
- * because the body would slide.
+ * search is enough. On a slope or between hands, sideways forces remain or the first search finds
+ * no equilibrium. If friction sticks (contact/contact.h), a second search then starts. The bodies
+ * then move quasi-statically in all directions to where friction balances the forces. The bristles
+ * keep the bend of this motion, so that the run begins at rest. Regularized friction depends on the
+ * sliding speed and carries nothing at rest. With it, an equilibrium with large sideways forces is
+ * refused, because the body would slide.
  *
  * An unstable equilibrium is refused too: with locked joints, the robot must return from a small
  * tilt. Balance by springs and controller is not considered.

@@ -64,7 +64,7 @@ enum error_code robot_fix_base(struct robot *robot, const double position[3],
     double R[9];
 
     mat3_from_quaternion(quaternion, R);
-    /* The base's frame becomes the world's: transforms all data given in the base's frame */
+    /* Make the base's frame the world frame: transform all data given in the base's frame */
     robot->floating = false;
     place_point(R, position, inertia->com);
     sym3_rotate(R, inertia->I);

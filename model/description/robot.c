@@ -13,11 +13,11 @@
 
 /* Relative tolerance of inertias, which have six digits or more in files. */
 #define INERTIA_TOLERANCE 1e-6
-/* Smallest part of a joint's rigid inertia that must remain when all joints behind it move
- * freely. */
+/* Smallest allowed ratio of a joint's inertia with free joints behind it to its inertia with locked
+ * joints. */
 #define SINGULAR_RATIO 1e-12
 
-/* Checks whether all numbers are finite. */
+/* Returns whether all numbers are finite. */
 static bool all_finite(const double *value, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
@@ -98,8 +98,8 @@ static enum error_code check_body_inertias(const struct robot *robot, struct err
     return ERROR_NONE;
 }
 
-/* Computes y = A s for the unit motion s of a joint; returns s . y, the joint's effective
- * inertia. */
+/* Computes y = A s for the unit motion s of a joint. Returns s . y, the effective inertia of the
+ * joint. */
 static double joint_inertia(const struct robot_joint *joint, const struct spatial_inertia *A,
                             struct spatial *y)
 {
@@ -150,8 +150,8 @@ static void hand_to_parent(const struct robot_joint *joint, double q, struct spa
     spatial_inertia_add(&A, parent);
 }
 
-/* Checks whether a free base accelerates under a force in any direction. whole: inertia of all
- * bodies with locked joints. */
+/* Returns whether a free base has inertia in all directions. whole: inertia of all bodies with
+ * locked joints, to compare with. */
 static bool base_is_regular(const struct spatial_inertia *A, const struct spatial_inertia *whole)
 {
     double m[6][6];
@@ -163,7 +163,7 @@ static bool base_is_regular(const struct spatial_inertia *A, const struct spatia
             m[i + 3][j + 3] = A->M[sym3_index[i][j]];
         }
     }
-    /* Gaussian elimination: compares each pivot with that of a rigid robot */
+    /* Gaussian elimination. Compare each pivot with the inertia of the rigid robot */
     for (int k = 0; k < 6; k++) {
         double rigid = k < 3 ? whole->J[sym3_index[k][k]] : whole->M[sym3_index[k - 3][k - 3]];
 
@@ -181,8 +181,8 @@ static bool base_is_regular(const struct spatial_inertia *A, const struct spatia
     return true;
 }
 
-/* Checks that each joint (and a free base) accelerates under a force: computes the articulated
- * inertias in an arbitrary pose and compares each with the rigid inertia of the same bodies. */
+/* Checks that no joint and no free base moves without inertia. Computes the articulated inertias in
+ * an arbitrary pose and compares each with the inertia of the same bodies with locked joints. */
 static enum error_code check_regular(const struct robot *robot, struct spatial_inertia *A,
                                      struct spatial_inertia *whole, struct error *error)
 {
@@ -193,7 +193,7 @@ static enum error_code check_regular(const struct robot *robot, struct spatial_i
         whole[b] = A[b];
     }
 
-    /* Inward, joint by joint: A with free joints, whole with locked joints */
+    /* Go inward, joint by joint. A: inertia with free joints; whole: inertia with locked joints */
     for (size_t b = robot->nbody - 1; b > 0; b--) {
         const struct robot_joint *joint = &robot->joint[b - 1];
         int parent = robot->body[b].parent;
@@ -218,7 +218,7 @@ static enum error_code check_regular(const struct robot *robot, struct spatial_i
     return ERROR_NONE;
 }
 
-/* Adds numbers to a hash, -0 as 0. */
+/* Adds numbers to a hash. -0 counts as 0. */
 static uint64_t hash_doubles(uint64_t hash, const double *value, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
@@ -284,7 +284,7 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
         return code;
     }
 
-    /* Derived data: sizes, mass, observed bodies, hashes */
+    /* Compute derived data: sizes, mass, observed bodies, hashes */
     robot->nq = robot->njoint + (robot->floating ? BASE_Q_COUNT : 0);
     robot->nv = robot->njoint + (robot->floating ? BASE_V_COUNT : 0);
     robot->total_mass = 0.0;
@@ -312,7 +312,7 @@ const struct robot_coupling *robot_find_coupling(const struct robot *robot, size
     return NULL;
 }
 
-/* Returns the index of a name in structs that begin with a name, or -1. */
+/* Returns the index of the struct with a name, or -1. Each struct begins with its name. */
 static int find_first_name(const void *structs, size_t size, size_t count, const char *name)
 {
     for (size_t i = 0; i < count; i++) {

@@ -69,7 +69,8 @@ static const struct yaml_field cogging_fields[] = {
 static const struct yaml_schema cogging_schema =
     YAML_SCHEMA("a sine of the cogging torque", struct harmonic_yaml, cogging_fields);
 
-/* Keys of electric drives, required ones first; then of hydraulic drives; then of both. */
+/* Rows of the keys of drives: electric drives (required keys first), hydraulic drives, then keys of
+ * both kinds. */
 #define DRIVE(word, member, low, high) YAML_NUMBER(word, false, drive_yaml, member, low, high)
 static const struct yaml_field drive_fields[] = {
     DRIVE("J_kg_m2", sea.J, 1e-12, 1e9),
@@ -141,13 +142,13 @@ enum {
 const struct yaml_schema robot_drive_schema =
     YAML_SCHEMA("a drive", struct drive_yaml, drive_fields, .alone = "file");
 
-/* Older spelling of a hydraulic drive */
+/* The older key "hydraulic" for a hydraulic drive */
 static const struct yaml_schema hydraulic_schema = {.what = "a hydraulic drive",
                                                     .size = sizeof(struct drive_yaml),
                                                     .fields = drive_fields + ELECTRIC_ROWS,
                                                     .field_count = CYLINDER_ROWS};
 
-/* A drive of the catalogue, which cannot refer to another file */
+/* The drive in a catalogue file. It cannot refer to another file */
 static const struct yaml_schema drive_own_schema = {.what = "a drive",
                                                     .size = sizeof(struct drive_yaml),
                                                     .fields = drive_fields,

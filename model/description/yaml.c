@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Loads robots from YAML: the order of the steps, the chosen variant, and the checks of names,
- * which refer to each other in the file. Each error has its place in the file.
+ * Loads robots from YAML: applies the chosen variant, checks the names, and calls the steps that
+ * build the robot in order. Each error has file:line:column.
  */
 #include "model/description/yaml.h"
 
@@ -41,7 +41,7 @@ static enum error_code check_named(struct robot_builder *b, const char *what, co
         const struct named *entry = named_entry(array, stride, i);
         int first = find_named_entry(array, i, stride, entry->name);
 
-        /* Names appear in messages, logs and on command lines */
+        /* Names appear in messages, logs and command lines, so they must be words */
         if (!text_is_name(entry->name)) {
             return yaml_error(b->error, &entry->mark,
                               "found %s name \"%.63s\", expected letters, digits and _ - . only",
@@ -125,7 +125,7 @@ static enum error_code merge_joints(struct robot_builder *b, const struct varian
         return robot_no_memory(b);
     }
     memcpy(merged, file->joint, count * sizeof *merged);
-    /* Replacements first; they determine the places of new joints */
+    /* Replace joints first, because they determine the positions of new joints */
     for (size_t i = 0; i < variant->njoint; i++) {
         int at = find_named_entry(merged, count, sizeof *merged, variant->joint[i].joint.name);
 
@@ -181,8 +181,8 @@ static enum error_code apply_variant(struct robot_builder *b, struct variant_yam
     return ERROR_NONE;
 }
 
-/* Applies the variant with this name, whose place is mark; NULL or "" is the robot without a
- * variant. */
+/* Applies the variant with this name. NULL or "" selects the robot without a variant. mark: place
+ * of the name, for errors. */
 static enum error_code choose_variant(struct robot_builder *b, const char *name,
                                       const struct yaml_mark *mark)
 {
@@ -231,7 +231,7 @@ enum error_code robot_load_named(const char *path, const char *variant,
         return robot_no_memory(&b);
     }
 
-    /* Independent parts first, then parts that refer to earlier ones */
+    /* Build independent parts first, then parts that refer to earlier parts */
     b.robot->name = b.file.name;
     b.robot->file = b.file.mark.file;
     b.robot->source_hash = b.file.hash;
@@ -246,7 +246,7 @@ enum error_code robot_load_named(const char *path, const char *variant,
         return code;
     }
 
-    /* Checks of the whole robot last */
+    /* Check the whole robot last */
     if (robot_finish(b.robot, error)) {
         return error_prefix(error, "%.200s", b.file.mark.file);
     }

@@ -8,7 +8,7 @@
  * has 1e-4 m/rad. */
 #define LEAST_MULTIPLIER 1e-6
 
-/* Checks a coupling against earlier ones: each joint follows one joint, and no leader is a
+/* Checks a coupling against earlier couplings: a joint follows only one joint, and no leader is a
  * follower. */
 static enum error_code check_chain(struct robot_builder *b, size_t i)
 {
@@ -71,7 +71,7 @@ static enum error_code build_coupled_joints(struct robot_builder *b, size_t i)
     return check_chain(b, i);
 }
 
-/* Checks the numbers of a coupling, whose keys have the units of the follower. */
+/* Checks the numbers of a coupling and the units in their keys, which are the follower's. */
 static enum error_code check_coupling_numbers(struct robot_builder *b,
                                               const struct coupling_yaml *given,
                                               const struct robot_coupling *coupling)

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Builds the drives of a robot file. Sources in order of precedence: the joint, the robot's
- * variant, the robot, the catalogue. The effects beyond the paper's equations are off unless given.
+ * Builds the drives of a robot file. A value comes from the first of these that has it: the joint,
+ * the robot's variant, the robot, the catalogue. Effects beyond the paper's equations are off
+ * unless the file has their keys.
  */
 #include "base/config.h"
 #include "base/array.h"
@@ -39,7 +40,7 @@ enum drive_kind robot_drive_kind(const struct drive_yaml *drive)
                                                    : DRIVE_UNSAID;
 }
 
-/* Refuses a drive whose keys are of a different kind than those of `from`. */
+/* Refuses a drive whose kind differs from the kind of `from`. */
 static enum error_code refuse_other_kind(struct robot_builder *b, const struct drive_yaml *drive,
                                          enum drive_kind kind, const char *from)
 {
@@ -66,7 +67,8 @@ static enum error_code refuse_mixed_keys(struct robot_builder *b, const struct d
 
 /* ---- merging ---- */
 
-/* Merges change into drive; values and file places of change win. */
+/* Merges change into drive. Values of change, and their places in the file, replace values of
+ * drive. */
 static enum error_code merge_drive(struct robot_builder *b, const struct drive_yaml *change,
                                    struct drive_yaml *drive)
 {
@@ -170,8 +172,8 @@ static enum error_code read_drive_file(struct robot_builder *b, const char *path
     return code ? code : check_drive_file(b, file);
 }
 
-/* Checks whether a file exists (mode F_OK) or is readable (R_OK). Returns an error if the system
- * cannot determine it. */
+/* Determines whether a file exists (mode F_OK) or is readable (mode R_OK). Returns an error if the
+ * system cannot determine it. */
 static enum error_code drive_file_exists(struct robot_builder *b, const char *path, int mode,
                                          bool *there)
 {
@@ -181,8 +183,8 @@ static enum error_code drive_file_exists(struct robot_builder *b, const char *pa
                : error_set_file(b->error, errno, path, "cannot be looked for");
 }
 
-/* Finds the file of a drive: a path relative to the robot's folder, or a name, looked up in the
- * folder drives beside that folder, then in the configuration trees. */
+/* Finds the file of a drive. A path is relative to the robot's folder. A name is searched in the
+ * folder drives beside the robot's folder, then in the configuration trees. */
 static enum error_code find_drive_file(struct robot_builder *b, const struct drive_yaml *drive,
                                        const char **path)
 {
@@ -246,7 +248,7 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
         return code;
     }
 
-    /* Values next to the name override those of the file */
+    /* Values beside the file's name replace the values in the file */
     taken = file.drive;
     taken.file = drive->file;
     code = merge_drive(b, drive, &taken);
@@ -256,17 +258,17 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
 
 /* ---- a joint's drive ---- */
 
-/* Default stiffness of a spring's stop relative to the spring's, if the file gives only its
- * room. */
+/* Default stiffness of a spring's stop as a multiple of the spring's stiffness, if the file has
+ * only the largest deflection. */
 #define SPRING_STOP_TIMES 20.0
 
 /* Default temperature coefficient of copper, 1/K at 25 degree C (IEC 60034-1: 1/(234.5 + 25)). */
 #define COPPER_PER_K 0.00385
 
-/* Default temperature of the air. */
+/* Default temperature of the air, deg C. */
 #define AMBIENT_C 25.0
 
-/* Builds the stop of a drive's spring; given: the joint's own keys. */
+/* Builds the stop of a drive's spring. given: the joint's own keys. */
 static enum error_code build_spring_stop(struct robot_builder *b, const struct joint_yaml *given,
                                          const struct yaml_mark *drive, struct robot_sea *sea)
 {
@@ -340,8 +342,8 @@ static enum error_code check_effect_keys(struct robot_builder *b, const struct y
     return ERROR_NONE;
 }
 
-/* Returns whether a drive has effects: a number after those of the spring's stop, a sine, or
- * freewheeling. */
+/* Returns whether a drive has effects: a number in the schema rows after the spring's stop, a sine,
+ * or freewheeling. */
 static bool drive_has_effects(const struct drive_yaml *drive)
 {
     bool any = drive->effects.freewheel || drive->nerror > 0 || drive->ncogging > 0, effect = false;
@@ -355,7 +357,7 @@ static bool drive_has_effects(const struct drive_yaml *drive)
     return any;
 }
 
-/* Builds the effects of a drive: NULL if there are none. */
+/* Builds the effects of a drive, or sets NULL if it has none. */
 static enum error_code build_effects(struct robot_builder *b, const struct drive_yaml *drive,
                                      struct robot_sea *sea)
 {
@@ -371,7 +373,7 @@ static enum error_code build_effects(struct robot_builder *b, const struct drive
         return code;
     }
 
-    /* Effects have their own memory, so that a drive without effects needs none */
+    /* Allocate effects separately, so that a drive without effects needs no memory for them */
     effects = arena_alloc(b->arena, 1, sizeof *effects);
     if (!effects) {
         return robot_no_memory(b);
@@ -396,7 +398,8 @@ static enum error_code build_effects(struct robot_builder *b, const struct drive
     return effects_check(sea, &why) ? yaml_error(b->error, mark, "%s", why.text) : ERROR_NONE;
 }
 
-/* Builds an electric drive: each parameter from the joint's drive, else from the robot's. */
+/* Builds an electric drive. Each parameter comes from the joint's drive, else from the robot's
+ * drive. */
 static enum error_code build_electric(struct robot_builder *b, const struct joint_yaml *given,
                                       struct robot_sea *sea)
 {
@@ -419,7 +422,7 @@ static enum error_code build_electric(struct robot_builder *b, const struct join
                 given->drive.file ? ", in the file of the drive," : "");
         }
     }
-    /* The paper's constants, then the extensions */
+    /* Set the paper's constants, then the extensions */
     *sea = drive.sea;
     sea->present = true;
     code = build_spring_stop(b, given, &drive.mark, sea);
@@ -433,7 +436,7 @@ enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *gi
     enum drive_kind kind;
     enum error_code code;
 
-    /* At most one drive, and only on a revolute joint */
+    /* A joint has at most one drive, and only a revolute joint has a drive */
     if (hydraulic && yaml_has(&given->mark, "drive")) {
         return yaml_error(b->error, &given->hydraulic.mark,
                           "found a hydraulic drive on driven joint \"%s\", expected none",
@@ -449,7 +452,7 @@ enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *gi
                           "found a drive on prismatic joint \"%s\", expected none: drives turn",
                           given->joint.name);
     }
-    /* The kind follows from the joint's keys, else from the robot's own drive */
+    /* Take the kind from the joint's keys, else from the robot's own drive */
     code = robot_take_drive(b, &given->drive);
     if (code) {
         return code;

@@ -68,7 +68,7 @@ static enum error_code check_visual_keys(struct robot_builder *b, const struct v
     };
     const struct {
         const char *key;
-        int needed; /* shapes that need the key */
+        int needed; /* bits of the shapes that need the key */
     } keys[] = {
         {"half_extents_m", 1 << VISUAL_BOX},
         {"radius_m", 1 << VISUAL_SPHERE | ROUND},
@@ -208,7 +208,8 @@ static const struct yaml_real_entry *find_position(const struct pose_yaml *pose,
     return NULL;
 }
 
-/* Checks that each joint that a pose does not name may be at zero or is a follower. */
+/* Checks the joints that a pose does not name: each must be a follower, or zero must be within its
+ * limits. */
 static enum error_code check_unnamed_joints(struct robot_builder *b, const struct pose_yaml *given)
 {
     for (size_t j = 0; j < b->robot->njoint; j++) {
@@ -226,8 +227,8 @@ static enum error_code check_unnamed_joints(struct robot_builder *b, const struc
     return ERROR_NONE;
 }
 
-/* Moves followers to the positions that their leaders give, within their limits. A pose may name a
- * follower only with that position. */
+/* Moves followers to the positions that their leaders give. Refuses positions beyond the limits,
+ * and a pose that gives a follower another position. */
 static enum error_code align_followers(struct robot_builder *b, const struct pose_yaml *given,
                                        double *position)
 {
@@ -284,7 +285,7 @@ static enum error_code build_pose(struct robot_builder *b, const struct pose_yam
                           b->robot->floating ? "it: the base floats" : "none: the base is fixed");
     }
 
-    /* Defaults: base at the origin, joints at zero */
+    /* Set defaults: base at the origin, joints at zero */
     *pose = given->pose;
     quaternion_from_rpy(given->base_rpy, pose->base_quaternion);
     pose->joint = position;

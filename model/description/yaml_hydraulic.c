@@ -14,7 +14,7 @@
 
 static const double pi = 3.14159265358979323846;
 
-/* These keys belong to the joint. */
+/* The triangle's keys belong to the joint, not to the drive. */
 bool robot_key_is_of_triangle(const char *key)
 {
     return strcmp(key, "base_m") == 0 || strcmp(key, "arm_m") == 0 ||
@@ -35,7 +35,8 @@ static void fill_cylinder(const struct drive_yaml *drive, struct robot_hydraulic
     }
 }
 
-/* Refuses a hydraulic drive with a missing key. name: the joint; NULL for a drive file. */
+/* Refuses a hydraulic drive with a missing key. name: name of the joint, or NULL for a drive
+ * file. */
 static enum error_code refuse_missing_key(struct robot_builder *b, const struct drive_yaml *drive,
                                           const char *key, const char *joint)
 {
@@ -50,8 +51,8 @@ static enum error_code refuse_missing_key(struct robot_builder *b, const struct 
                               "found a hydraulic drive without key \"%s\", expected it", key);
 }
 
-/* Builds a cylinder: each parameter from the joint, else from the robot. Without a joint's name it
- * is a drive of the catalogue, which has no triangle. */
+/* Builds a cylinder. Each parameter comes from the joint, else from the robot. name: name of the
+ * joint; NULL for a drive of the catalogue, which has no triangle. */
 static enum error_code build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
                                       const char *joint, struct robot_hydraulic *cylinder)
 {

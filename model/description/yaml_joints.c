@@ -52,7 +52,7 @@ static int joint_that_moves(const struct robot_yaml *file, const char *body)
     return -1;
 }
 
-/* Finds a body of the file; the place is that of a key in a mapping. */
+/* Finds a body of the file by name. Errors point to the key in the mapping. */
 static enum error_code find_file_body(struct robot_builder *b, const struct yaml_mark *mapping,
                                       const char *key, const char *name, int *at)
 {
@@ -60,7 +60,7 @@ static enum error_code find_file_body(struct robot_builder *b, const struct yaml
                           yaml_place(mapping, key), at, b->error);
 }
 
-/* Refuses joint j, whose parent is moved by no earlier joint; the error gives the reason. */
+/* Refuses joint j because no earlier joint moves its parent. The error gives the reason. */
 static enum error_code refuse_parent(struct robot_builder *b, size_t j)
 {
     const struct robot_yaml *file = &b->file;
@@ -79,7 +79,8 @@ static enum error_code refuse_parent(struct robot_builder *b, size_t j)
             joint->parent, file->base);
     }
 
-    /* Walks up the joints: returning to j is a cycle; otherwise the order is wrong */
+    /* Walk up the tree. If the walk returns to j, the joints form a cycle; otherwise their order is
+     * wrong */
     for (size_t step = 0; up >= 0 && step < file->njoint; step++) {
         if ((size_t)up == j) {
             return yaml_error(b->error, yaml_place(&joint->mark, "parent"),
@@ -150,7 +151,7 @@ static enum error_code check_limits(struct robot_builder *b, const struct joint_
     return ERROR_NONE;
 }
 
-/* Default compression of a stop (rad or m) under the joint's torque or force limit. */
+/* Default compression of a stop (rad or m) under the joint's limit of torque or force. */
 #define STOP_GIVES 5e-4
 
 /* Builds the stops of a joint's range. Missing values come from the robot's own stops. */
@@ -202,7 +203,8 @@ static enum error_code build_spring(struct robot_builder *b, const struct joint_
                : ERROR_NONE;
 }
 
-/* Builds the passive spring of a joint: its own, or the robot's for a driven revolute joint. */
+/* Builds the passive spring of a joint: the joint's own spring, or the robot's default for a
+ * revolute joint with a drive. */
 static enum error_code build_passive(struct robot_builder *b, const struct joint_yaml *given,
                                      struct robot_joint *joint)
 {
@@ -242,7 +244,7 @@ static enum error_code build_joint(struct robot_builder *b, size_t j)
         return refuse_parent(b, j);
     }
 
-    /* The joint, then the body that it moves */
+    /* Build the joint, then the body that it moves */
     *joint = given->joint;
     mat3_from_rpy(given->rpy, joint->rotation);
     if (!(fabs(length - 1.0) <= AXIS_TOLERANCE)) {
@@ -261,7 +263,7 @@ static enum error_code build_joint(struct robot_builder *b, size_t j)
     return build_tree_body(b, at, parent, &robot->body[j + 1]);
 }
 
-/* Bodies in the order of the joints that move them. */
+/* Builds the bodies in the order of the joints that move them. */
 enum error_code robot_build_tree(struct robot_builder *b)
 {
     const struct robot_yaml *file = &b->file;
@@ -275,7 +277,7 @@ enum error_code robot_build_tree(struct robot_builder *b)
         return robot_no_memory(b);
     }
 
-    /* The base, then the body of each joint */
+    /* Build the base, then each joint with its body */
     if ((code = find_file_body(b, &file->mark, "base.body", file->base, &base)) ||
         (code = build_tree_body(b, base, -1, &robot->body[0]))) {
         return code;
@@ -286,7 +288,7 @@ enum error_code robot_build_tree(struct robot_builder *b)
         }
     }
 
-    /* No body of the file is unused */
+    /* Refuse bodies that no joint moves */
     for (size_t i = 0; i < file->nbody; i++) {
         if ((int)i != base && joint_that_moves(file, file->body[i].body.name) < 0) {
             return yaml_error(b->error, &file->body[i].mark,

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The equations of a tree as expressions: each function of the generated module as a list of
- * outputs in terms of its arguments. Not RT-safe.
+ * Derives the equations of a tree as expressions. Each function of the generated module becomes a
+ * list of outputs that depend on its arguments. Not RT-safe.
  */
 #ifndef MODEL_SYMBOLIC_DERIVE_H
 #define MODEL_SYMBOLIC_DERIVE_H
@@ -12,13 +12,13 @@
 /* The derived functions. */
 enum derive_function {
     DERIVE_FORWARD,      /* vdot from q, v, tau */
-    DERIVE_FORWARD_EXT,  /* the same with external wrenches */
-    DERIVE_IMPLICIT,     /* the same with added joint and body inertias */
+    DERIVE_FORWARD_EXT,  /* vdot with external wrenches */
+    DERIVE_IMPLICIT,     /* vdot with external wrenches and added joint and body inertias */
     DERIVE_INVERSE,      /* generalized forces from q, v, vdot with external wrenches */
     DERIVE_KINEMATICS,   /* struct body_motion of the observed bodies */
     DERIVE_VELOCITIES,   /* w and v of struct body_motion, in the pose stored by kinematics */
     DERIVE_ACCELERATION, /* struct body_acceleration of the observed bodies, in the stored pose */
-    DERIVE_ENERGY,       /* kinetic, potential */
+    DERIVE_ENERGY,       /* kinetic and potential energy */
     DERIVE_COUNT
 };
 
@@ -36,7 +36,8 @@ enum derive_array {
     DERIVE_ARRAYS
 };
 
-/* out[index] = value, a one-lane expression; or pose[index] and following = the lanes of value. */
+/* An output: out[index] = value, a one-lane expression. Or the lanes of value are stored in
+ * pose[index] and the following numbers. */
 struct derive_output {
     int index;
     expr value;
@@ -49,8 +50,8 @@ struct derivation {
     int npose; /* size of pose */
 };
 
-/* Derives one function into graph. With inertia_inputs, mass properties are inputs, else constants
- * from the tree. Not RT-safe. */
+/* Derives one function and adds its expressions to graph. inertia_inputs: mass properties are
+ * inputs; otherwise they are constants from the tree. Not RT-safe. */
 enum error_code derive(enum derive_function function, const struct tree *tree, bool inertia_inputs,
                        struct graph *graph, struct derivation *out, struct error *error);
 void derivation_fini(struct derivation *derivation);

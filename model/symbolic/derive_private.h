@@ -10,7 +10,7 @@
 
 /* State of a group of bodies; one expression holds all its lanes. */
 struct state {
-    expr c, s;                      /* of a revolute joint's angle */
+    expr c, s;                      /* cosine and sine of a revolute joint's angle */
     expr d, rate;                   /* displacement of a prismatic joint; rate of either joint */
     expr w[3], alpha[3], a[3];      /* velocity; accelerations in Newton-Euler, of the origin */
     expr G[3][3];                   /* [alpha] + [w][w] */
@@ -18,8 +18,8 @@ struct state {
     expr J[3][3], H[3][3], M[3][3]; /* articulated inertia; J, M: upper triangle only */
     expr ratio[6];                  /* U / D, angular first */
     expr x;                         /* u / D */
-    expr da[3], dl[3];              /* accelerations in addition to those of Newton-Euler */
-    expr R[3][3], p[3], v[3];       /* rotation to the world, origin, velocity of the origin */
+    expr da[3], dl[3];        /* accelerations in addition to the Newton-Euler accelerations */
+    expr R[3][3], p[3], v[3]; /* rotation to the world, origin, velocity of the origin */
 };
 
 struct derive {
@@ -71,19 +71,19 @@ static inline void add_to(struct derive *d, expr *sum, expr term)
 
 /* ---- derive_link.c: vectors between bodies, joints, inputs and outputs ---- */
 
-/* y += x cross z */
+/* Adds x cross z to y. */
 void derive_add_cross(struct derive *d, expr y[3], const expr x[3], const expr z[3]);
 
-/* x . y */
+/* Returns x . y. */
 expr derive_dot(struct derive *d, const expr x[3], const expr y[3]);
 
-/* y = A^T x for numbers A */
+/* Computes y = A^T x for a matrix A of numbers. */
 void derive_apply_transposed(struct derive *d, const double A[9], const expr x[3], expr y[3]);
 
-/* y = A x for numbers A */
+/* Computes y = A x for a matrix A of numbers. */
 void derive_apply(struct derive *d, const double A[9], const expr x[3], expr y[3]);
 
-/* Returns a mass property of each lane's body: of enum tree_inertia, K in its order. */
+/* Returns a mass property of each lane's body. property: number as in enum tree_inertia. */
 expr derive_inertia(struct derive *d, size_t group, int property);
 
 /* Returns the element of array for each lane's joint. */
@@ -92,11 +92,11 @@ expr derive_joint_input(struct derive *d, size_t group, enum derive_array array,
 /* Returns the element of array for each lane's joint, in the joint's working direction. */
 expr derive_signed_input(struct derive *d, size_t group, enum derive_array array, int first);
 
-/* Returns the body in lane 0, which provides all data that the lanes have in common except
- * constants. */
+/* Returns the body in lane 0. It has all data that the lanes share; only constants differ by
+ * lane. */
 const struct tree_body *derive_first_body(const struct derive *d, size_t group);
 
-/* Returns the parents' field; each lane has the field of its own parent. */
+/* Returns a field of the parents. Each lane has the field of its own parent. */
 expr derive_from_parent(struct derive *d, size_t group, size_t offset);
 
 /* Adds value's lanes to the field of each lane's parent. */
@@ -108,10 +108,10 @@ void derive_turn_up(struct derive *d, int k, expr c, expr s, expr x[3]);
 /* Returns sine or cosine of the n-th fixed turn between parents and bodies. */
 expr derive_turn_const(struct derive *d, size_t group, int n, bool sine);
 
-/* x from the parent's axes to the body's */
+/* Rotates x from the parent's axes to the body's axes. */
 void derive_vector_down(struct derive *d, size_t group, expr x[3]);
 
-/* x from the body's axes to the parent's */
+/* Rotates x from the body's axes to the parent's axes. */
 void derive_vector_up(struct derive *d, size_t group, expr x[3]);
 
 /* Computes the origins in the parents' frames. */
@@ -120,29 +120,30 @@ void derive_origin(struct derive *d, size_t group, expr r[3]);
 /* Computes the origin of the robot's body in the working frame. */
 void derive_body_origin(struct derive *d, int body, expr at[3]);
 
-/* Computes sine and cosine or displacement, and rate, of a group's joints */
+/* Computes the rate of a group's joints, and their sine and cosine or their displacement. */
 void derive_joint_state(struct derive *d, size_t group);
 
 /* Computes the rotation of the base to the world from a quaternion of any length. aligned: the
- * rotation of the working frame, times align. */
+ * rotation of the base's working frame. */
 void derive_base_rotation(struct derive *d, expr R[3][3]);
 
-/* Reads three inputs from index first on, rotated into the base's working frame. */
+/* Reads three inputs, the first at index `first`, and rotates them into the base's working
+ * frame. */
 void derive_base_input(struct derive *d, enum derive_array array, int first, expr x[3]);
 
-/* Column k of R. */
+/* Copies column k of R to x. */
 void derive_column_of(expr R[3][3], int k, expr x[3]);
 
-/* y = R x */
+/* Computes y = R x for a matrix R of expressions. */
 void derive_rotate(struct derive *d, expr R[3][3], const expr x[3], expr y[3]);
 
-/* out[index] = value */
+/* Adds the output out[index] = value. */
 void derive_put(struct derive *d, int index, expr value);
 
 /* Adds one output for each lane's joint, in the joint's own direction. */
 void derive_put_joint(struct derive *d, size_t group, expr value);
 
-/* Adds three outputs from the base's working frame. */
+/* Adds three outputs for a vector given in the base's working frame. */
 void derive_put_base(struct derive *d, int index, const expr x[3]);
 
 /* ---- derive_inertia.c: articulated inertias ---- */
@@ -153,13 +154,14 @@ void derive_body_inertia(struct derive *d, size_t group);
 /* Transforms A from the axes after a rotation by (c, s) about k to the axes before it. */
 void derive_turn_inertia(struct derive *d, int k, expr c, expr s, struct state *A);
 
-/* Moves the reference point by -way along axis k: H' = H + [r] M, J' = J + [r] H^T - H' [r]. */
+/* Moves the reference point of an inertia by -way along axis k: H' = H + [r] M, J' = J + [r] H^T -
+ * H' [r]. */
 void derive_shift_inertia(struct derive *d, int k, expr way, struct state *A);
 
 /* Returns element (a, b) of the 6x6 articulated inertia, angular part first. */
 expr *derive_inertia_element(struct state *A, int a, int b);
 
-/* Adds the matrices of the implicit integrator to the observed bodies' inertia. */
+/* Adds the given matrices (struct added_inertia) to the inertias of the observed bodies. */
 void derive_add_given_inertia(struct derive *d, size_t group);
 
 /* ---- the functions ---- */

@@ -10,34 +10,35 @@
 #include "model/symbolic/derive.h"
 #include "model/symbolic/symbolic.h"
 
-/* One derived function during its output as C. */
+/* A derived function that is being written as C. */
 struct emission;
 
-/* Plans the function: inputs, pieces, and cost (added to count). Compilers take more than linear
- * time for a block. So a function of more than `longest` operations is cut into pieces of at most
- * that size. Pieces are functions that pass values through a scratch array. name, graph and
- * derivation must outlive the emission. *out is NULL or must be destroyed, also after an error. */
+/* Plans the function: inputs, pieces, and cost (added to count). The time of a compiler grows
+ * faster than the size of a block. So a function of more than `longest` operations is cut into
+ * pieces of at most that size. Pieces are functions that pass values through a scratch array. name,
+ * graph and derivation must outlive the emission. The caller must destroy *out unless it is NULL,
+ * also after an error. */
 enum error_code emission_create(const char *name, const struct graph *graph,
                                 const struct derivation *derivation, int longest,
                                 struct emission **out, struct symbolic_count *count,
                                 struct error *error);
 void emission_destroy(struct emission *emission);
 
-/* Writes the function once: static, void, with the argument arrays that it reads, the array pose
- * if it writes one, and the array out. The caller checks ferror for file errors. */
+/* Writes the function once, as static void. Its arguments are the arrays that it reads, the array
+ * pose if it writes a pose, and the array out. The caller checks ferror for file errors. */
 void emission_write(struct emission *emission, FILE *file);
 
-/* Returns whether the function reads an argument array; after emission_create. */
+/* Returns whether the function reads an argument array. Call it after emission_create. */
 bool emission_reads(const struct emission *emission, enum derive_array array);
 
-/* Returns whether the function writes a pose, into the array pose before out; call it after
- * emission_create. */
+/* Returns whether the function writes a pose. The argument pose then comes before out. Call it
+ * after emission_create. */
 bool emission_keeps(const struct emission *emission);
 
-/* Writes the common text before all variants: vector types and macros. */
+/* Writes the text before all variants: vector types and macros. */
 void emit_preamble(FILE *file);
 
-/* Writes sine and cosine of 8 lanes, for the variant that is compiled. */
+/* Writes the function for sine and cosine of 8 lanes, which each variant compiles. */
 void emit_sincos(FILE *file);
 
 /* Returns the name of an argument array. */

@@ -14,12 +14,13 @@
 
 enum { SYMBOLIC_FUNCTIONS = 8, SYMBOLIC_SYMBOL = 64 };
 
-/* The cost of a function. Each lane counts; sines and cosines are counted separately. */
+/* Cost of a function. Each lane counts as one operation. Sines and cosines are counted
+ * separately. */
 struct symbolic_count {
     const char *function;
     size_t add, multiply, divide;
-    size_t operations; /* sum of the three */
-    size_t sincos;     /* angles */
+    size_t operations; /* sum of the three counts */
+    size_t sincos;     /* number of angles */
     size_t statements; /* vector and scalar instructions before contraction, without moves */
 };
 
@@ -30,7 +31,8 @@ struct symbolic_report {
 
 struct symbolic_options {
     int lanes; /* maximum number of lanes: 1, 2 or 4; 4 is the fastest */
-    /* mass properties are inputs: the module fits all robots that differ only in them */
+    /* mass properties are inputs, so the module fits all robots that differ only in mass
+     * properties */
     bool inertia_inputs;
 };
 
@@ -58,25 +60,26 @@ enum error_code symbolic_compile(const struct robot *robot, const struct symboli
 /* Unloads the module, which must not be in use. Safe on a zeroed library. */
 void symbolic_close(struct symbolic_library *library);
 
-/* Returns the built-in module for a robot of config/robots with any masses; NULL if there is none.
- * Defined in the library symbolic_builtin. RT-safe. */
+/* Returns the built-in module for a robot of config/robots with any masses, or NULL if there is
+ * none. The library symbolic_builtin defines this function. RT-safe. */
 const struct dynamics_module *symbolic_builtin(const struct robot *robot);
 
-/* Creates the dynamics of a robot: a built-in module; if there is none, or numeric is set, the
- * numeric algorithms. The two differ in the last bits. notice receives a sentence on the choice
- * and its reason. Memory from arena. */
+/* Creates the dynamics of a robot from a built-in module. Uses the numeric algorithms if no module
+ * fits or if `numeric` is set. Results of both differ in the last bits. notice receives a sentence
+ * with the choice and its reason. Memory from arena. */
 enum error_code dynamics_choose(const struct robot *robot, bool numeric, struct arena *arena,
                                 struct dynamics *out, struct error *notice, struct error *error);
 
-/* Returns the widest of a module's variants that instruction_set_used() allows. */
+/* Returns the variant of a module with the widest vectors that instruction_set_used() allows. */
 const struct dynamics_module *dynamics_module_used(const struct dynamics_module *module);
 
-/* Returns whether a module computes the dynamics of robot: it was generated from it, or from a
- * robot that differs only in mass properties and takes these as inputs. RT-safe. */
+/* Returns whether a module computes the dynamics of robot. The module must have been generated from
+ * this robot. A module with mass properties as inputs may be from a robot that differs only in mass
+ * properties. RT-safe. */
 bool dynamics_module_fits(const struct dynamics_module *module, const struct robot *robot);
 
-/* Makes a struct dynamics of robot from the module; refuses a module of another robot. Memory from
- * arena; the module must outlive it. */
+/* Makes a struct dynamics of robot from the module. Refuses a module of another robot. Memory from
+ * arena. The module must outlive the result. */
 enum error_code dynamics_generated(const struct robot *robot, const struct dynamics_module *module,
                                    struct arena *arena, struct dynamics *out, struct error *error);
 
