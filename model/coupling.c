@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The law of joint couplings, and the solution of the small linear system that all of a robot's
- * couplings form. */
+/* Computes the forces of joint couplings, and solves the small linear system of all couplings of a
+ * robot. */
 #include "model/coupling.h"
 
 #include <math.h>
@@ -52,8 +52,8 @@ void coupling_factorize(const struct robot *robot, const double *column, const d
 
     for (size_t row = 0; row < n; row++) {
         for (size_t k = 0; k <= row; k++) {
-            /* Effect of a unit force of coupling k on the error's acceleration in this row;
-             * Cholesky, row by row */
+            /* The matrix element is the effect of a unit force of coupling k on the acceleration of
+             * this row's error. Cholesky factorization, row by row */
             double sum = coupling_rate(&robot->coupling[row], column + k * robot->nv + first);
 
             sum += k == row ? compliance[row] : 0.0;
@@ -85,7 +85,7 @@ void coupling_correct(const struct robot *robot, const double *column, const dou
         force[row] /= factor[row * n + row];
     }
 
-    /* Change of all accelerations by the forces */
+    /* Correct all accelerations for the forces */
     for (size_t k = 0; k < n; k++) {
         for (size_t i = 0; i < robot->nv; i++) {
             a[i] -= force[k] * column[k * robot->nv + i];

@@ -2,10 +2,10 @@
 /*
  * The numeric rigid-body algorithms for any tree, paper eq. (1): articulated-body forward dynamics,
  * Newton-Euler inverse dynamics, kinematics and energy (Featherstone, Rigid Body Dynamics
- * Algorithms, 2008, tables 5.1, 7.1 and section 9.4), as sweeps over the links. What happens at a
- * joint: dynamics_kernels.h; what the links are made of: dynamics_prepare.c.
+ * Algorithms, 2008, tables 5.1, 7.1 and section 9.4). Each is a sweep over the links.
+ * dynamics_kernels.h has the steps at one joint, dynamics_prepare.c computes the links.
  *
- * Gravity enters as an upward acceleration of the base.
+ * An upward acceleration of the base represents gravity.
  */
 #include "model/dynamics_kernels.h"
 
@@ -19,8 +19,8 @@ static void base_rotation(const struct dynamics *d, const double *q, double R[9]
     }
 }
 
-/* Computes the joints' transforms. An integrator's stage computes motions, accelerations and
- * velocities at one q; results for the same q are reused without change. */
+/* Computes the joints' transforms. A stage of an integrator needs motions, accelerations and
+ * velocities at one q, so results for an equal q are reused. */
 static void find_transforms(const struct dynamics *d, const double *q)
 {
     struct generic *g = d->work;
@@ -63,7 +63,7 @@ static void sweep_velocity(const struct dynamics *d, const double *q, const doub
     }
 }
 
-/* Computes the accelerations of all bodies from vdot, with up added to the base's acceleration. */
+/* Computes the accelerations of all bodies from vdot. Adds `up` to the base's acceleration. */
 static void sweep_acceleration(const struct dynamics *d, const double *vdot, const double up[3])
 {
     const struct generic *g = d->work;
@@ -117,8 +117,8 @@ static void gravity_up(const struct dynamics *d, const double *q, double up[3])
     mat3_apply_transposed(R, minus, up);
 }
 
-/* Adds the given inertia to the observed bodies. It resists only the accelerations due to vdot,
- * not their drift. */
+/* Adds the given inertia to the observed bodies. The added inertia resists the accelerations due to
+ * vdot, but not the accelerations at vdot = 0. */
 static void add_observed_inertia(const struct dynamics *d, const double up[3],
                                  const struct added_inertia *added)
 {
@@ -157,7 +157,7 @@ static void add_observed_inertia(const struct dynamics *d, const double up[3],
 }
 
 /* Computes the forward dynamics by the articulated-body algorithm. plain: without extra and added
- * inertia, whose arguments are not read. */
+ * inertia; these arguments are not read. */
 INLINE void articulated_body(const struct dynamics *d, bool plain, const double *q, const double *v,
                              const double *tau, const struct wrench *ext, const double *extra,
                              const struct added_inertia *added, double *vdot)
@@ -188,8 +188,7 @@ INLINE void articulated_body(const struct dynamics *d, bool plain, const double 
                  &state[b], &state[link->parent]);
     }
 
-    /* Outward: accelerations, with gravity as an acceleration of the base, which is removed at the
-     * end */
+    /* Outward: accelerations. Gravity is an acceleration of the base that is removed at the end */
     if (d->robot->floating) {
         for (int m = 0; m < 3; m++) {
             state[0].p.a[m] = -state[0].p.a[m];
@@ -303,7 +302,7 @@ static void generic_acceleration(const struct dynamics *d, const double *q, cons
         const struct link_state *state = &g->state[b];
         double a[3] = {state->a.l[0], state->a.l[1], state->a.l[2]};
 
-        /* The derivative of the components, plus the rotation of their frame */
+        /* The derivative of the components, plus the effect of the rotating frame */
         vec3_add_cross(state->v.a, state->v.l, a);
         mat3_apply(state->R, state->a.a, acceleration[b].alpha);
         mat3_apply(state->R, a, acceleration[b].a);
@@ -357,7 +356,7 @@ enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,
         return error_set(error, ERROR_MEMORY, "no memory for the dynamics of %s", robot->name);
     }
 
-    /* Links from the base outward; the origins of revolute joints are constant */
+    /* Prepare the links from the base outward. The origins of revolute joints are constant */
     for (size_t b = 0; b < robot->nbody; b++) {
         const struct robot_body *body = &robot->body[b];
 
@@ -386,8 +385,8 @@ void dynamics_qdot(const struct robot *robot, const double *q, const double *v, 
         const double *e = q + BASE_Q_QUATERNION, *w = v + BASE_V_ANGULAR;
         double *rate = qdot + BASE_Q_QUATERNION;
 
-        /* The base: velocity in the world's axes; the quaternion's rate is half its product with
-         * (0, w) */
+        /* The base: rotate the velocity to the world's axes. The quaternion's rate is half its
+         * product with (0, w) */
         mat3_from_quaternion(e, R);
         mat3_apply(R, v + BASE_V_LINEAR, qdot + BASE_Q_POSITION);
         rate[0] = 0.5 * (-e[1] * w[0] - e[2] * w[1] - e[3] * w[2]);

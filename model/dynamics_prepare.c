@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Prepares a robot's description for the numeric dynamics: each joint becomes a fixed rotation
- * followed by a rotation about, or a displacement along, one coordinate axis. A body whose joint
- * axis is +x, +y or +z keeps its frame; any other gets an inner frame with the joint axis as z.
+ * Prepares a robot's description for the numeric dynamics. Each joint becomes a fixed rotation,
+ * then a rotation about or a displacement along one coordinate axis. A body whose joint axis is +x,
+ * +y or +z keeps its frame. Any other body gets an inner frame whose z axis is the joint axis.
  */
 #include "model/dynamics_kernels.h"
 
@@ -28,8 +28,8 @@ static void rotation_to_axis(const double axis[3], double R[9])
             least = m;
         }
     }
-    /* The other two columns are orthogonal to the axis, starting from the coordinate axis farthest
-     * from it */
+    /* Make two columns orthogonal to the axis, starting from the coordinate axis farthest from
+     * it */
     x[least] = 1.0;
     vec3_cross(axis, x, y);
     norm = vec3_norm(y);
@@ -53,7 +53,7 @@ void generic_prepare_link(const struct robot_body *body, const struct robot_join
         double parent_to_inner[9], turned[9];
         int k = axis_number(joint->axis);
 
-        /* The inner frame: the body's frame, or one with the joint axis as z */
+        /* Choose the inner frame: the body's frame, or a frame whose z axis is the joint axis */
         link->type = joint->type;
         link->inner = k < 0;
         link->axis = link->inner ? 2 : k;
@@ -63,7 +63,7 @@ void generic_prepare_link(const struct robot_body *body, const struct robot_join
             mat3_identity(link->align);
         }
 
-        /* Its pose in the parent's inner frame */
+        /* Compute the pose of the inner frame in the parent's inner frame */
         mat3_transpose(parent->align, parent_to_inner);
         mat3_mul(parent_to_inner, joint->rotation, turned);
         mat3_mul(turned, link->align, link->fixed);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The paper's actuator equations, for one drive. */
+/* Computes the paper's actuator equations for one drive. */
 #include "model/drives/actuator.h"
 
 #include "model/stop.h"
@@ -86,7 +86,7 @@ static double parallel_spring_extension(const struct robot_parallel_spring *spri
     return p - spring->r * spring->s * q;
 }
 
-/* Eq. (5): unilateral. */
+/* Eq. (5): the spring pulls only while it is stretched, x < 0. */
 double parallel_spring_force(const struct robot_parallel_spring *spring, double p, double pd,
                              double q, double qd)
 {

@@ -9,11 +9,11 @@
 #include <math.h>
 #include <string.h>
 
-/* Terms of the series, enough for rounding accuracy at a norm of 1/4, and largest number of
- * doublings: after more, the initial state has no effect, since exp(-2^60) is zero. */
+/* Number of terms of the series, enough for rounding accuracy at a norm of 1/4. Largest number of
+ * doublings: after more, the initial state has no effect, because exp(-2^60) is zero. */
 enum { SERIES_TERMS = 13, DOUBLINGS_MAX = 60 };
 
-/* The rows of the three states; those of r and V are zero. */
+/* Number of matrix rows: the three states. The rows of r and V are zero and not stored. */
 enum { FLOW_STATES = 3 };
 
 typedef double flow_matrix[FLOW_STATES][FLOW_INPUTS];
@@ -48,7 +48,7 @@ static double flow_norm(flow_matrix M)
     return norm;
 }
 
-/* Computes C = A B, where the rows of r and V in B are zero. */
+/* Computes C = A B; the rows of r and V in B are zero. */
 static void flow_multiply(flow_matrix A, flow_matrix B, flow_matrix C)
 {
     for (int i = 0; i < FLOW_STATES; i++) {
@@ -75,8 +75,8 @@ void drive_flow_make(const struct robot_sea *sea, bool bridge_on, double t, stru
     double norm;
     int doublings = 0;
 
-    /* Scales to a norm of 1/4 by a power of two, which is exact. Balanced units of angle and speed
-     * would only shorten the series. */
+    /* Scale to a norm of 1/4 by a power of two, which is exact. Balancing the units of angle and
+     * speed would only shorten the series */
     flow_fill_matrix(sea, bridge_on, t, M);
     for (norm = flow_norm(M); norm > 0.25 && doublings < DOUBLINGS_MAX; norm *= 0.5) {
         doublings++;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Laws of a real drive beyond the paper's equations, for one drive. */
+/* Computes the effects of one drive beyond the paper's equations. */
 #include "model/drives/effects.h"
 
 #include "base/portable_math.h"
@@ -10,7 +10,7 @@
 /* Temperature for which R, Kt and Kw of a robot file are given, degree C. */
 #define REFERENCE_C 25.0
 
-/* Smallest part of its torque constant that a hot motor keeps. */
+/* Smallest part of the torque constant that remains in a hot motor. */
 #define KT_LEAST 0.1
 
 /* ---- functions of the motor's angle ---- */
@@ -89,8 +89,8 @@ static bool has_hysteresis(const struct robot_sea *sea)
     return sea->effects->hysteresis > 0.0 && sea->Ks > 0.0;
 }
 
-/* Computes the spring's torque tau_s (N m) for a bend and its rate, and *elastic, the part that is
- * stored. Within a play, tooth flanks touch on one side and only push. */
+/* Computes the spring's torque tau_s (N m) for a bend and its rate. *elastic receives the part that
+ * stores energy. With play, the tooth flanks touch on one side and only push. */
 static double spring_push(const struct robot_sea *sea, double bend, double rate, double *elastic)
 {
     double depth = bend_depth(sea, bend), torque;
@@ -106,7 +106,7 @@ static double spring_push(const struct robot_sea *sea, double bend, double rate,
     return torque * bend > 0.0 ? torque : 0.0;
 }
 
-/* tau, and its factors that depend on the motor's angle. */
+/* tau, and the factors of tau that depend on the motor's angle. */
 struct gear_state {
     double slope, rate, torque; /* 1 + e', d', tau */
 };
@@ -144,9 +144,9 @@ bool effects_sticks(const struct robot_sea *sea)
     return sea->effects->breakaway > 0.0 || has_load_friction(&sea->effects->load);
 }
 
-/* Returns the friction due to the torques carried, N m. near_rest is 1 at rest and falls to 0 with
- * the speed. The shares apply to the difference of both torques, which oppose each other while a
- * motor holds a load. */
+/* Returns the friction from the torques carried, N m. near_rest is 1 at rest and falls to 0 with
+ * the speed. The shares apply to the difference of both torques. The two torques oppose each other
+ * while a motor holds a load. */
 static double load_friction(const struct robot_load_friction *load,
                             const struct effects_carried *carried, double near_rest)
 {
@@ -154,7 +154,7 @@ static double load_friction(const struct robot_load_friction *load,
     double friction = fabs(load->external * T - load->motor * M) +
                       near_rest * fabs(load->external_stribeck * T - load->motor_stribeck * M);
 
-    /* The square of the smaller torque, if one side drives the other */
+    /* Add the square of the smaller torque, if the torques oppose each other */
     if (M * T < 0.0) {
         friction += near_rest * (fabs(T) < fabs(M)   ? load->external_quadratic * T * T
                                  : fabs(T) > fabs(M) ? load->motor_quadratic * M * M
@@ -163,7 +163,7 @@ static double load_friction(const struct robot_load_friction *load,
     return friction;
 }
 
-/* Returns the Stribeck curve at a speed: 1 at rest, 0 at high speed. */
+/* Returns the value of the Stribeck curve at a speed: 1 at rest, 0 at high speed. */
 static double stribeck_dip(const struct robot_effects *effects, double speed)
 {
     const double x = speed / effects->stribeck;
@@ -203,7 +203,7 @@ double effects_resistance(const struct robot_sea *sea, double winding_c)
     return effects_winding(sea, winding_c) + sea->effects->bridge_ohm;
 }
 
-/* Returns the remaining part of Kt and Kw at a housing temperature, degree C. */
+/* Returns the factor of Kt and Kw at a housing temperature, degree C. */
 static double magnet_strength(const struct robot_sea *sea, double housing_c)
 {
     const struct robot_thermal *thermal = &sea->effects->thermal;
@@ -221,8 +221,8 @@ double effects_hysteresis(const struct robot_sea *sea, double z, double way, dou
     if (!has_hysteresis(sea) || way == 0.0) {
         return has_hysteresis(sea) ? z : 0.0;
     }
-    /* Exact solution of Dahl's equation over a distance in one direction; the loss is the work
-     * minus the stored energy */
+    /* Use the exact solution of Dahl's equation over a distance in one direction. The loss is the
+     * work minus the stored energy */
     goal = copysign(sea->effects->hysteresis, way);
     part = -portable_expm1(-sigma * fabs(way) / sea->effects->hysteresis);
     end = z + (goal - z) * part;
@@ -232,7 +232,7 @@ double effects_hysteresis(const struct robot_sea *sea, double z, double way, dou
 
 /* ---- the equations ---- */
 
-/* Returns the torque on the rotor without its own friction, N m. */
+/* Returns the torque on the rotor without the gear's friction, N m. */
 static double rotor_load(const struct robot_sea *sea, const struct effects_state *state,
                          const struct gear_state *gear)
 {
@@ -273,7 +273,7 @@ struct effects_mode effects_find_mode(const struct robot_sea *sea,
 {
     struct effects_mode mode = {.slide = 1, .flow = bridge->conducts};
 
-    /* At rest the rotor breaks away in the direction of its load, or stays */
+    /* A rotor at rest breaks away in the direction of its load, or stays at rest */
     if (effects_sticks(sea)) {
         mode.slide = sign_of(state->sea.qmd);
         if (mode.slide == 0) {
@@ -285,7 +285,7 @@ struct effects_mode effects_find_mode(const struct robot_sea *sea,
         }
     }
 
-    /* Without current, one starts to flow if the voltage exceeds hold */
+    /* A current starts to flow if the voltage exceeds hold */
     if (bridge->conducts && bridge->hold > 0.0) {
         mode.flow = sign_of(state->sea.I);
         if (mode.flow == 0) {
@@ -334,7 +334,7 @@ void effects_derivative(const struct robot_sea *sea, const struct effects_state 
     struct gear_state gear = find_gear(sea, state, q, qd);
     struct effects_carried carried = gear_carries(sea, state, &gear);
 
-    /* The rotor, and the rate of the deflection */
+    /* Compute the rates of the rotor and of the deflection */
     derivative->sea = (struct sea_state){0};
     if (mode->slide != 0) {
         derivative->sea.qm = qmd;
@@ -348,7 +348,7 @@ void effects_derivative(const struct robot_sea *sea, const struct effects_state 
                   (gear.rate - fabs(gear.rate) * state->hysteresis / sea->effects->hysteresis)
             : 0.0;
 
-    /* The winding */
+    /* Compute the rates of the winding */
     derivative->sea.I = effects_current_rate(sea, state, bridge, mode);
     warm_rates(&sea->effects->thermal,
                effects_winding(sea, state->winding_c) * (I * I + bridge->ripple), state,
@@ -365,7 +365,7 @@ void effects_warm(const struct robot_sea *sea, double heat, double t, struct eff
         return;
     }
 
-    /* Trapezoidal rule: solves (1 - t/2 A) change = t rate for two rows by Cramer's rule */
+    /* Trapezoidal rule: solve (1 - t/2 A) change = t rate, two rows, by Cramer's rule */
     warm_rates(thermal, heat / t, state, &rate);
     b = -0.5 * t / (thermal->winding_k_w * thermal->winding_j_k);
     a = 1.0 - b;
@@ -435,7 +435,7 @@ double effects_motor_rest(const struct robot_sea *sea, double q, double tau)
         if (tau != 0.0) {
             deflection += copysign(0.5 * sea->effects->backlash, tau);
         }
-        /* Solves qm + e(qm) - q = d by Newton's method; |e'| is less than 1/2 */
+        /* Solve qm + e(qm) - q = d by Newton's method; |e'| is less than 1/2 */
         for (int i = 0; i < 8; i++) {
             qm -= (effects_deflection(sea, qm, q) - deflection) / gear_slope(sea, qm);
         }
@@ -457,7 +457,8 @@ static bool harmonics_are_possible(const struct robot_harmonic *harmonic, size_t
     return count <= ROBOT_HARMONICS;
 }
 
-/* Largest |e'| of the gear's error; with a steeper error the output would not turn uniformly. */
+/* Largest allowed |e'| of the gear's error. With a steeper error the output would not turn
+ * uniformly. */
 #define STEEPEST_ERROR 0.5
 
 /* Checks whether the gear's error is less steep than STEEPEST_ERROR. */
@@ -507,7 +508,7 @@ enum error_code effects_check(const struct robot_sea *sea, struct error *error)
                          "rad/s, expected no less at rest, and a Stribeck speed between two",
                          effects->coulomb, effects->breakaway, effects->stribeck);
     }
-    /* A gear that lost the whole motor torque would never turn */
+    /* A gear must not lose the whole motor torque, or it would never turn */
     if (!(effects->load.motor >= 0.0 && effects->load.motor < 1.0) ||
         !(effects->stribeck_exponent >= 0.0) ||
         (has_load_friction(&effects->load) && !load_is_possible(effects))) {
@@ -516,14 +517,14 @@ enum error_code effects_check(const struct robot_sea *sea, struct error *error)
                          "load's, expected shares below 1, and a Stribeck speed with those at rest",
                          effects->load.motor, effects->load.external);
     }
-    /* Hysteresis has a torque and a stiffness */
+    /* Check play and hysteresis. Hysteresis needs both a torque and a stiffness */
     if (!(effects->backlash >= 0.0) || !(effects->hysteresis >= 0.0) ||
         (effects->hysteresis > 0.0) != (effects->hysteresis_stiffness > 0.0)) {
         return error_set(error, ERROR_INPUT,
                          "found hysteresis of %g N m with %g N m/rad, expected both or none",
                          effects->hysteresis, effects->hysteresis_stiffness);
     }
-    /* Sines of gear and cogging */
+    /* Check the sines of the gear's error and of cogging */
     if (!harmonics_are_possible(effects->error, effects->nerror) ||
         !harmonics_are_possible(effects->cogging, effects->ncogging) || !gear_is_possible(sea)) {
         return error_set(error, ERROR_INPUT,
@@ -532,7 +533,7 @@ enum error_code effects_check(const struct robot_sea *sea, struct error *error)
                          "no more than %g",
                          ROBOT_HARMONICS, STEEPEST_ERROR);
     }
-    /* Winding and housing, then the bridge */
+    /* Check the thermal model, then the bridge */
     if (!thermal_is_possible(&effects->thermal)) {
         return error_set(error, ERROR_INPUT,
                          "found a winding that warms up without two resistances to heat and two "

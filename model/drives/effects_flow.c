@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Advances drives with effects through a span, part by part: modes, flows and events. */
+/* Advances drives with effects through a span, part by part. */
 #include "model/drives/effects_flow.h"
 
 #include "base/portable_math.h"
@@ -43,12 +43,13 @@ void effects_flow_make(const struct effects_linear *linear, double t, struct eff
     }
 }
 
-/* Loads on a drive in addition to the linear drive's: N m, V. */
+/* Loads on a drive in addition to the loads of the linear drive: torque, N m, and voltage, V. */
 struct extra_load {
     double torque, voltage;
 };
 
-/* Computes the additional loads from the difference of both derivatives. */
+/* Computes the additional loads from the difference between the derivatives of the drive and of the
+ * linear drive. */
 static struct extra_load find_extra_load(const struct effects_span *span, double q,
                                          enum effects_law law, const struct effects_mode *mode,
                                          const struct effects_state *state)
@@ -63,7 +64,8 @@ static struct extra_load find_extra_load(const struct effects_span *span, double
                                .voltage = linear->L * (rate.sea.I - plain.I)};
 }
 
-/* Advances the linear drive under an additional load: a torque shifts the spring's deflection. */
+/* Advances the linear drive under an additional load. A torque acts as a shift of the spring's
+ * deflection. */
 static struct sea_state flow_loaded(const struct effects_span *span, double q, enum effects_law law,
                                     const struct effects_mode *mode, const struct sea_state *begin,
                                     const struct extra_load *extra)
@@ -73,7 +75,7 @@ static struct sea_state flow_loaded(const struct effects_span *span, double q, e
                               span->bridge.voltage + extra->voltage);
 }
 
-/* Advances the hysteresis by the change of the deflection since the start; adds its loss to
+/* Advances the hysteresis by the change of the deflection since the start. Adds its loss to
  * work. */
 static void follow_hysteresis(const struct effects_span *span, double deflection, double q_end,
                               const struct effects_state *begin, struct effects_state *end,
@@ -106,8 +108,8 @@ static double flow_winding(const struct effects_span *span, const struct effects
     return R > 0.0 ? I - (voltage / R - I) * portable_expm1(-R * t / L) : I + t * voltage / L;
 }
 
-/* Advances a moving rotor to the part's end without events. The loads are the means of the values
- * at both ends (predictor and corrector). */
+/* Advances a moving rotor to the end of the part, ignoring events. The additional loads are means
+ * of their values at both ends (predictor and corrector). */
 static void slide_rotor(const struct effects_span *span, double q, double deflection, double h,
                         const struct effects_mode *mode, const struct effects_state *begin,
                         struct effects_state *end)
@@ -134,14 +136,15 @@ static void stop_rotor(const struct effects_span *span, double q, double deflect
     struct effects_state there = *end, rate;
     struct effects_mode mode;
 
-    /* State at the stop */
+    /* Compute the state when the rotor stops */
     there.sea.qm = begin->sea.qm + 0.5 * part * h * v0;
     there.sea.qmd = 0.0;
     there.sea.I = begin->sea.I + part * (end->sea.I - begin->sea.I);
     q += part * h * span->qd;
     follow_hysteresis(span, deflection, q, begin, &there, NULL);
 
-    /* If it stays, only the winding continues; otherwise it accelerates in the rest of the part */
+    /* If the rotor stays at rest, only the winding continues. Otherwise the rotor accelerates
+     * during the remaining time of the part */
     mode = effects_find_mode(span->sea, &there, q, span->qd, &span->bridge);
     if (mode.slide == 0 || v0 == 0.0) {
         there.sea.I = flow_winding(span, &mode, &there, there.sea.I, rest);
@@ -154,11 +157,12 @@ static void stop_rotor(const struct effects_span *span, double q, double deflect
     end->sea = there.sea;
 }
 
-/* Events of a part. */
+/* Events in a part. */
 struct part_events {
     bool any;
-    bool current;        /* the current came to zero; then the following members are set: */
-    double charge, heat; /* charge until then, C, and heat in the resistances, J */
+    bool current; /* true: the current came to zero; the following members are valid */
+    /* charge before the zero, C; heat in the resistances before the zero, J */
+    double charge, heat;
 };
 
 /* Returns the charge (C) in t seconds in a winding with initial current I under this voltage. */
@@ -170,8 +174,8 @@ static double flow_charge(double I, double voltage, double R, double L, double t
                    : I * t + 0.5 * voltage / L * t * t;
 }
 
-/* Corrects the end of a part in which the current came to zero, at a constant speed of the rotor:
- * sets the current, and removes the effect of the current that did not flow from the rotor's
+/* Corrects the end of a part in which the current came to zero, at constant speed of the rotor.
+ * Sets the current, and removes the torque of the current that did not flow from the rotor's
  * motion. */
 static void stop_current(const struct effects_span *span, double q_end, double h,
                          const struct effects_mode *mode, const struct effects_state *begin,
@@ -183,7 +187,7 @@ static void stop_current(const struct effects_span *span, double q_end, double h
     struct effects_mode next;
     double voltage, stop, rest;
 
-    /* The voltage that reduces the current, and the time at which it is zero */
+    /* Find the voltage that reduces the current, and the time when the current is zero */
     still.sea.I = 0.0;
     effects_derivative(span->sea, &still, q_end, span->qd, &span->bridge, mode, &rate);
     voltage = L * rate.sea.I;
@@ -194,7 +198,7 @@ static void stop_current(const struct effects_span *span, double q_end, double h
     events->charge = flow_charge(I, voltage, R, L, stop);
     events->heat = voltage * events->charge + 0.5 * L * I * I;
 
-    /* State after the zero crossing */
+    /* Compute the state after the zero */
     end->sea.I = 0.0;
     next = effects_find_mode(span->sea, end, q_end, span->qd, &span->bridge);
     if (next.flow != 0) {
@@ -212,14 +216,15 @@ static void stop_current(const struct effects_span *span, double q_end, double h
 
 /* ---- accounts ---- */
 
-/* Returns the value in the middle of a part of the cubic through both ends and their rates. */
+/* Returns the value at the middle of a part, from the cubic through the values and rates at both
+ * ends. */
 static double middle_value(double x0, double x1, double rate0, double rate1, double h)
 {
     return 0.5 * (x0 + x1) + 0.125 * h * (rate0 - rate1);
 }
 
-/* Adds weight times the powers to work, without gear friction and hysteresis, which have other
- * accounts. */
+/* Adds weight times the powers to work, without gear friction and hysteresis, which are accounted
+ * elsewhere. */
 static void add_power(const struct effects_span *span, double q, const struct effects_mode *mode,
                       const struct effects_state *state, double weight, struct effects_power *work)
 {
@@ -237,8 +242,9 @@ static void add_power(const struct effects_span *span, double q, const struct ef
     work->spring_damping += weight * power.spring_damping;
 }
 
-/* Adds the integrals of a part by Simpson's rule over the cubic through its ends; in a part with
- * an event, over the line through them. Friction's is its force times the distance. */
+/* Adds the integrals of the powers over a part by Simpson's rule. The states follow the cubic
+ * through both ends, or a line in a part with an event. The work of friction is torque times
+ * distance. */
 static void account_part(const struct effects_span *span, double q, double h,
                          const struct part_events *events, const struct effects_mode *mode,
                          const struct effects_state *begin, const struct effects_state *end,
@@ -248,11 +254,11 @@ static void account_part(const struct effects_span *span, double q, double h,
     struct effects_state rate0 = {{0}, 0, 0, 0}, rate1 = rate0, middle = *begin;
     struct effects_state from = *begin, to = *end;
 
-    /* A current with an event has its own account, so the rest excludes it */
+    /* A current with an event is accounted here; Simpson's rule below then excludes the current */
     if (events->current) {
         from.sea.I = to.sea.I = 0.0;
 
-        /* Adds the integrals for a current that came to zero in the part */
+        /* Add the integrals for the current that came to zero */
         const struct effects_bridge *bridge = &span->bridge;
         const double R = effects_resistance(span->sea, begin->winding_c);
         const double heat = R > 0.0
@@ -267,7 +273,7 @@ static void account_part(const struct effects_span *span, double q, double h,
             bridge->diodes * mode->flow * events->charge + switching + (events->heat - heat);
         work->joule += heat;
     }
-    /* Rates at both ends make the cubic */
+    /* Compute the rates at both ends for the cubic */
     if (!events->any && span->all_powers) {
         effects_derivative(span->sea, &from, q, span->qd, &span->bridge, mode, &rate0);
         effects_derivative(span->sea, &to, q_end, span->qd, &span->bridge, mode, &rate1);
@@ -275,7 +281,7 @@ static void account_part(const struct effects_span *span, double q, double h,
         rate0.sea.I = effects_current_rate(span->sea, &from, &span->bridge, mode);
         rate1.sea.I = effects_current_rate(span->sea, &to, &span->bridge, mode);
     }
-    /* Simpson's rule: 1, 4, 1 */
+    /* Simpson's rule with weights 1, 4, 1 */
     middle.sea.qm = middle_value(from.sea.qm, to.sea.qm, rate0.sea.qm, rate1.sea.qm, h);
     middle.sea.qmd = middle_value(from.sea.qmd, to.sea.qmd, rate0.sea.qmd, rate1.sea.qmd, h);
     middle.sea.I = middle_value(from.sea.I, to.sea.I, rate0.sea.I, rate1.sea.I, h);
@@ -292,7 +298,7 @@ static void account_part(const struct effects_span *span, double q, double h,
     }
 }
 
-/* Advances one part. deflection: at its start; on return, at its end. */
+/* Advances one part. *deflection: deflection at the start of the part; on return, at its end. */
 static void advance_part(const struct effects_span *span, double q, double h, double *deflection,
                          struct effects_state *state, struct effects_power *work)
 {
@@ -301,7 +307,7 @@ static void advance_part(const struct effects_span *span, double q, double h, do
     struct effects_state end = *state;
     struct part_events events = {.any = false};
 
-    /* The rotor first, then the current, each with its event */
+    /* Advance the rotor, then the current, each with its event */
     if (mode.slide == 0) {
         end.sea.I = flow_winding(span, &mode, state, state->sea.I, h);
     } else {

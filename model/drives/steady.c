@@ -6,7 +6,7 @@
 
 #include <math.h>
 
-/* Bisection steps, and doublings to find the end of the interval. */
+/* Number of bisection steps, and of doublings to find the end of the interval. */
 enum { HALVINGS = 100, DOUBLINGS = 40 };
 
 /* Returns the motor's torque minus losses and load. */

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Equations and steps of the bridges' bus. */
+/* Computes the rates and steps of the bus that supplies the bridges. */
 #include "model/drives/supply.h"
 
 #include <math.h>
 
-/* Parts of a step, and Newton steps in each; convergence is quadratic from a near start. */
+/* Number of parts of a step, and of Newton steps per part; the start is near the root, so
+ * convergence is quadratic. */
 enum { SUPPLY_PARTS = 16, NEWTON_STEPS = 8 };
 
 /* Returns the current of the source into a bus at V, A; a rectifier blocks reverse current. */
@@ -37,9 +38,9 @@ void supply_switch_chopper(const struct supply_bus *bus, double state[SUPPLY_STA
     }
 }
 
-/* Computes the voltage in the middle of a part of h seconds that begins at V, by Newton's method.
- * It is the root m of 2 C (m - V) m = h (source - losses) - energy; the left side is the change of
- * C V^2/2. */
+/* Computes the voltage at the middle of a part of h seconds that begins at voltage V, by Newton's
+ * method. The voltage is the root m of 2 C (m - V) m = h (source - losses) - energy. The left side
+ * is the change of C V^2/2. */
 static double find_middle(const struct supply_bus *bus, double source_v, double ohm, double energy,
                           double h, double V, double conductance)
 {

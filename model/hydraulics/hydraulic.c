@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Laws of servo valve and cylinder, for one cylinder. */
+/* Computes the equations of one servo valve with its cylinder. */
 #include "model/hydraulics/hydraulic.h"
 
 #include "base/portable_math.h"
@@ -9,11 +9,11 @@
 /* Pressure difference below which the flow of a port is linear (laminar), Pa. */
 #define LAMINAR_PA 1e5
 
-/* Parts of a span, and largest number of Newton steps in a stage; two or three are usual. */
+/* Number of parts of a span. Largest number of Newton steps per stage; two or three are usual. */
 enum { SPAN_PARTS = 4, NEWTON_STEPS = 20 };
 
-/* Pressure step that ends Newton's method, Pa. Each step squares the error over LAMINAR_PA, so the
- * error after such a small step is rounding. */
+/* Newton's method ends at a pressure step below this value, Pa. Each step squares the error
+ * relative to LAMINAR_PA, so the remaining error is only rounding. */
 #define NEWTON_END_PA 1e-2
 
 /* Coefficient of the scheme, 1 - 1/sqrt(2). */
@@ -58,8 +58,8 @@ double hydraulic_speed_constant(const struct robot_hydraulic *cylinder,
     double lever, out, in;
 
     hydraulic_length(cylinder, 0.5 * (lower + upper), &lever);
-    /* Speeds without load in both directions: both ports in series across the supply, with the
-     * areas' ratio */
+    /* Compute the speeds without load in both directions. Both ports are in series across the
+     * supply; their flows have the ratio of the areas */
     out = cylinder->K * sqrt(drop * A1 / cubes);
     in = cylinder->K * sqrt(drop * A2 / cubes);
     return cylinder->valve_v * fabs(lever) / (0.5 * (out + in));
@@ -113,8 +113,8 @@ double hydraulic_torque(const struct robot_hydraulic *cylinder, const double *st
 
 /* ---- chambers and flows ---- */
 
-/* Return the smaller and the larger of two numbers; faster than the C functions, which handle
- * NAN. */
+/* Return the smaller and the larger of two numbers. They are faster than fmin and fmax, which also
+ * handle NAN. */
 static inline double take_less(double x, double y)
 {
     return x < y ? x : y;
@@ -125,8 +125,8 @@ static inline double take_more(double x, double y)
     return x > y ? x : y;
 }
 
-/* Computes the volumes of both chambers (m3) for a length between the pins. Motion beyond the
- * joint's stop does not change them. */
+/* Computes the volumes of both chambers (m3) for a length between the pins. Beyond the ends of the
+ * stroke the volumes stay constant. */
 static void cylinder_volumes(const struct robot_hydraulic *cylinder, double length, double V[2])
 {
     const double x = take_less(take_more(length - cylinder->closed, 0.0), cylinder->stroke);
@@ -162,11 +162,12 @@ static double orifice_root(double dp, double *slope)
 
 /* Flows into both chambers: from the valve, past the piston, and from the return. */
 struct chamber_flows {
-    double valve[2], valve_slope[2]; /* slope against the chamber's own pressure, negative */
+    /* flow from the valve, and its slope against the chamber's own pressure, negative */
+    double valve[2], valve_slope[2];
     double suction[2], suction_slope[2];
-    /* from chamber 1 to 2, and its slope against the pressure difference */
+    /* leakage from chamber 1 to 2, and its slope against the pressure difference */
     double leak, leak_slope;
-    int fed; /* the chamber connected to the supply */
+    int fed; /* index of the chamber that is connected to the supply */
 };
 
 /* Computes the flows into both chambers (m3/s) at the pressures p for an opening of the spool. */
@@ -179,8 +180,8 @@ static void find_chamber_flows(const struct robot_hydraulic *cylinder, double sp
     const double suck = cylinder->K / sqrt(LAMINAR_PA);
 
     flows->fed = spool > 0.0 ? 0 : 1;
-    /* One chamber is connected to the supply, the other to the return; either draws oil from the
-     * return if its pressure falls below it */
+    /* One chamber is connected to the supply, the other to the return. A chamber also draws oil
+     * from the return if its pressure falls below the return pressure */
     for (int i = 0; i < 2; i++) {
         const double from = i == flows->fed ? port->supply : port->back;
         double slope;
@@ -194,7 +195,7 @@ static void find_chamber_flows(const struct robot_hydraulic *cylinder, double sp
     flows->leak = flows->leak_slope * (p[0] - p[1]);
 }
 
-/* Computes the powers of those flows, W, with the piston at speed v, m/s. */
+/* Computes the powers of these flows, W. v: speed of the piston, m/s. */
 static void find_hydraulic_power(const struct robot_hydraulic *cylinder,
                                  const struct chamber_flows *flows,
                                  const struct hydraulic_port *port, const double p[2], double v,
@@ -204,7 +205,7 @@ static void find_hydraulic_power(const struct robot_hydraulic *cylinder,
     const double returned = flows->valve[1 - flows->fed] + flows->suction[0] + flows->suction[1];
     double carried = 0.0, slope;
 
-    /* Oil carries its energy in and out of a chamber */
+    /* Oil that flows into or out of a chamber carries its energy */
     for (int i = 0; i < 2; i++) {
         carried +=
             (p[i] + oil_energy(cylinder->beta, p[i])) * (flows->valve[i] + flows->suction[i]);
@@ -307,7 +308,7 @@ static void turn_place(const struct robot_hydraulic *cylinder, double sine, doub
         cylinder, find_pin_distance(cylinder, place->sine, place->cosine, &place->lever), place->V);
 }
 
-/* Solves one stage of h seconds from the pressures base by Newton's method: fills p and flows at
+/* Solves one stage of h seconds from the pressures `base` by Newton's method. Fills p and flows at
  * the stage. Also advances bend, the derivatives of the pressures with respect to the joint's
  * rate. */
 static void solve_pressure_stage(const struct robot_hydraulic *cylinder,
@@ -322,7 +323,7 @@ static void solve_pressure_stage(const struct robot_hydraulic *cylinder,
         find_chamber_flows(cylinder, spool, port, p, flows);
         find_pressure_rates(cylinder, flows, V, lever * port->qd, rate);
 
-        /* Fills the matrix 1 - h J of both pressures' rates */
+        /* Fill the matrix 1 - h J; J: Jacobian of both pressures' rates */
         for (int i = 0; i < 2; i++) {
             const double stiff = h * cylinder->beta / V[i];
 
@@ -340,9 +341,9 @@ static void solve_pressure_stage(const struct robot_hydraulic *cylinder,
             break;
         }
     }
-    /* The flows after the last step; the derivatives from the same matrix */
 
-    /* Updates the flows for a small step of the pressures, by their slopes */
+    /* Update the flows for the last small step of the pressures, by their slopes. Compute the
+     * derivatives with the same matrix */
     for (int i = 0; i < 2; i++) {
         flows->valve[i] += flows->valve_slope[i] * step[i];
         flows->suction[i] += flows->suction_slope[i] * step[i];
@@ -380,7 +381,7 @@ void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydr
     struct span_place place;
     double *p = state + HYDRAULIC_P1, bend[2] = {0.0, 0.0}, sine[2], cosine[2], damping;
 
-    /* All parts have the same length, joint rotation and spool motion */
+    /* All parts have equal length, joint rotation and spool motion */
     portable_sincos(port->q + cylinder->offset, &place.sine, &place.cosine);
     for (int s = 0; s < 2; s++) {
         portable_sincos(ahead[s] * port->qd, &sine[s], &cosine[s]);
@@ -393,13 +394,14 @@ void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydr
         struct chamber_flows flows;
 
         for (int s = 0; s < 2; s++) {
-            /* The second stage starts from the first stage's slope over the rest of the part */
+            /* The base of the second stage extends the slope of the first stage over the remaining
+             * time of the part */
             for (int i = 0; s == 1 && i < 2; i++) {
                 base[i] = begun[i] + share[0] / share[1] * (p[i] - begun[i]);
                 bend[i] = bent[i] + share[0] / share[1] * (first[i] - bent[i]);
             }
             if (!port->stuck) {
-                /* Advances the spool's opening and rate by this motion */
+                /* Advance the spool's opening and rate by this motion */
                 const double off = state[HYDRAULIC_SPOOL] - target,
                              rate = state[HYDRAULIC_SPOOL_RATE];
 
@@ -418,7 +420,7 @@ void hydraulic_advance(const struct robot_hydraulic *cylinder, const struct hydr
             }
         }
     }
-    /* Slope of the torque against the rate: from pressures and friction */
+    /* Compute the slope of the torque against the rate, from pressures and friction */
     if (slope) {
         cylinder_friction(cylinder, place.lever * port->qd, &damping);
         *slope = take_less(0.0, place.lever * (cylinder->A1 * bend[0] - cylinder->A2 * bend[1] -
@@ -447,8 +449,8 @@ bool hydraulic_rest_loaded(const struct robot_hydraulic *cylinder,
     hydraulic_length(cylinder, q, &lever);
     force = torque / lever;
     hydraulic_rest(cylinder, s, free);
-    /* Shares the force between both chambers; if one pressure reaches its limit, the other takes
-     * the rest */
+    /* Share the force between both chambers. If one pressure reaches its limit, the other chamber
+     * takes the remaining force */
     p2 = free[HYDRAULIC_P2] - 0.5 * force / cylinder->A2;
     p2 = take_less(take_more(p2, s->back), s->pressure);
     p1 = (force + p2 * cylinder->A2) / cylinder->A1;

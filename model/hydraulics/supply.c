@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Equations and steps of the supply of hydraulic joints. */
+/* Computes the rates and steps of the supply of hydraulic joints. */
 #include "model/hydraulics/supply.h"
 
 #include "base/portable_math.h"
@@ -36,7 +36,7 @@ static double supply_pressure_rate(const struct robot_hydraulic_supply *s, bool 
                  : flow * GAS_EXPONENT * pressure / gas_volume(s, pressure);
 }
 
-/* Flows of the supply at a pressure, m3/s, and the negated slope of the net inflow against it. */
+/* Flows of the supply at a pressure, m3/s. slope: decrease of the net inflow per Pa. */
 struct supply_flows {
     double pump, relief, leak, slope;
 };
@@ -61,7 +61,7 @@ static struct supply_flows find_supply_flows(const struct robot_hydraulic_supply
     return flows;
 }
 
-/* Adds the works of those flows at a pressure in t seconds. */
+/* Adds the energies of these flows at a pressure over t seconds. */
 static void account_supply_flows(const struct supply_flows *flows, double pressure, double t,
                                  struct hydraulic_supply_power *work)
 {
@@ -84,7 +84,7 @@ double hydraulic_supply_derive(const struct robot_hydraulic_supply *s,
     }
     flows = find_supply_flows(s, condition, pressure);
     if (pressure <= s->back) {
-        flows.pump = fmax(flows.pump, drawn); /* from the tank */
+        flows.pump = fmax(flows.pump, drawn); /* the pump passes oil from the tank */
     }
     if (power) {
         *power = (struct hydraulic_supply_power){0};
@@ -109,13 +109,14 @@ double hydraulic_supply_advance(const struct robot_hydraulic_supply *s,
     }
     flows = find_supply_flows(s, condition, held);
     account_supply_flows(&flows, held, t, work);
-    /* Linearly implicit Euler step; the flows of an empty supply are already those at the end */
+    /* Linearly implicit Euler step. With an empty accumulator, the flows are already the flows at
+     * the end pressure */
     rate = supply_pressure_rate(s, empty, pressure,
                                 flows.pump - flows.relief - flows.leak - drawn / t);
     stiff = empty ? 0.0 : supply_pressure_rate(s, false, pressure, flows.slope);
     end = pressure + t * rate / (1.0 + t * stiff);
 
-    /* Uses the other stiffness for the volume beyond precharge */
+    /* If the pressure passes precharge, use the other stiffness for the volume beyond it */
     if (empty != hydraulic_supply_is_empty(s, end)) {
         end = s->precharge + (end - s->precharge) /
                                  supply_pressure_rate(s, empty, s->precharge, 1.0) *

@@ -20,7 +20,7 @@
 /* Largest angle of a rotor's oscillation on its spring within a stage, rad, for an exact flow. */
 #define SWING_RESOLVED 0.5
 
-/* Parts of a span for the accounts: two applications of Simpson's rule. */
+/* Number of parts of a span for the accounts: Simpson's rule is applied twice. */
 enum { ACCOUNT_PARTS = 4 };
 
 /* Returns the flow of drive d for a spring law, a step level and a span. */
@@ -31,9 +31,10 @@ static const struct drive_flow *drive_flow_of(const struct plant *plant, size_t 
     return &plant->implicit->flows[d]->of[law][plant->bridge_on[d]][level][span];
 }
 
-/* Computes the flows of a step of h seconds. If the rotor's oscillation on its spring is resolved,
- * both are exact. Otherwise they belong to the scheme, L-stable together with the link: implicit
- * Euler through the stage, and that change times (1 - gamma)/gamma up to the base. */
+/* Computes the flows of a step of h seconds. Both are exact if the step resolves the rotor's
+ * oscillation on its spring. Otherwise they follow the integrator's scheme, L-stable together with
+ * the link: an implicit Euler step through the stage, and its change times (1 - gamma)/gamma for
+ * the span to the base. */
 static void make_step_flows(const struct robot_sea *sea, bool bridge_on, double h,
                             struct drive_flow flow[SPANS])
 {
@@ -63,7 +64,7 @@ static void make_drive_flows(const struct robot_sea *sea, double h, struct drive
     }
 }
 
-/* Returns whether two drives have the same flows. */
+/* Returns whether two drives have equal flows. */
 static bool drives_flow_alike(const struct robot_sea *a, const struct robot_sea *b)
 {
     return a->J == b->J && a->Ks == b->Ks && a->Ds == b->Ds && a->Dm == b->Dm && a->Kt == b->Kt &&
@@ -71,8 +72,8 @@ static bool drives_flow_alike(const struct robot_sea *a, const struct robot_sea 
            a->stop.stiffness == b->stop.stiffness && a->stop.damping == b->stop.damping;
 }
 
-/* Computes the flows of drive d from its own parameters, or copies them from an earlier drive of
- * the same kind, since a robot has only a few kinds. */
+/* Computes the flows of drive d from its own parameters. Copies the flows from an earlier drive
+ * with equal parameters, because a robot has only a few kinds of drives. */
 static void prepare_sound_flows(struct plant *plant, size_t d)
 {
     const struct robot_joint *joint = plant->config.robot->joint;
@@ -97,8 +98,8 @@ void implicit_prepare_drives(struct plant *plant)
     }
 }
 
-/* Computes the flows of drive d from its changed parameters, or copies them from another drive
- * with the same changes. */
+/* Computes the flows of drive d from its changed parameters. Copies the flows from another drive
+ * with equal changed parameters, if there is one. */
 static void take_changed_flows(struct plant *plant, size_t d)
 {
     struct implicit *im = plant->implicit;
@@ -128,8 +129,7 @@ void implicit_refresh_drive(struct plant *plant, size_t d)
 
 /* ---- drives ---- */
 
-/* Returns the state of a drive after a flow, with its spring following law and the joint moving at
- * rate from q. */
+/* Returns the state of a drive after a flow. law: spring law; the joint moves from q at `rate`. */
 static struct sea_state flow_drive(const struct plant *plant, size_t d, enum spring_law law,
                                    const struct drive_flow *flow, const struct sea_state *drive,
                                    double q, double rate)
@@ -137,7 +137,7 @@ static struct sea_state flow_drive(const struct plant *plant, size_t d, enum spr
     const struct robot_sea *sea = &plant->sea[d];
     double shift = 0.0;
 
-    /* Replaces the stop's offset by an equivalent shift of the deflection */
+    /* Replace the offset of the stop's law by an equivalent shift of the deflection */
     if (law == SPRING_PRESSED) {
         shift = copysign(sea->stop.stiffness * sea->deflection / (sea->Ks + sea->stop.stiffness),
                          drive->qm - q);
@@ -145,15 +145,15 @@ static struct sea_state flow_drive(const struct plant *plant, size_t d, enum spr
     return drive_flow_advance(flow, drive, q + shift, rate, plant->voltage[d]);
 }
 
-/* Returns the spring law of a span: PRESSED if the free spring would reach its stop and the stop
- * would then push, not pull. */
+/* Returns the spring law of a span. It is PRESSED if the free spring would reach its stop and the
+ * stop would then push, not pull. */
 static enum spring_law find_spring_law(const struct plant *plant, size_t d, enum implicit_span span,
                                        const struct sea_state *drive, double q, double rate)
 {
     const struct robot_sea *sea = &plant->sea[d];
     const double t = drive_flow_of(plant, d, SPRING_FREE, (int)plant->implicit->level, span)->t;
 
-    /* Usual case: far from its stop */
+    /* Usual case: the spring stays far from its stop */
     if (fabs(drive->qm - q) + t * fabs(drive->qmd - rate) < STOP_NEAR * sea->deflection) {
         return SPRING_FREE;
     }
@@ -185,12 +185,12 @@ void implicit_linearize_drive(struct plant *plant, size_t d)
         return;
     }
 
-    /* Predicted state of the drive if the joint keeps its rate */
+    /* Predict the state of the drive if the joint keeps its rate */
     im->law[d] = find_spring_law(plant, d, SPAN_STAGE, &begin, q, rate);
     flow = drive_flow_of(plant, d, im->law[d], (int)im->level, SPAN_STAGE);
     end = flow_drive(plant, d, im->law[d], flow, &begin, q, rate);
 
-    /* The spring's torque there, and its slope against the rate */
+    /* Compute the spring's torque in this state, and its slope against the rate */
     if (im->law[d] == SPRING_PRESSED) {
         spring.Ks += plant->sea[d].stop.stiffness;
         spring.Ds += plant->sea[d].stop.damping;
@@ -205,8 +205,8 @@ void implicit_linearize_drive(struct plant *plant, size_t d)
     im->extra[j] -= slope * im->stage_h;
 }
 
-/* Returns whether all joints end the stage within their ranges, with the accelerations a or, if a
- * is NULL, at their present rates. */
+/* Returns whether all joints end the stage within their ranges. The joints have the accelerations a
+ * or, if a is NULL, keep their rates. */
 static bool joints_stay_within(const struct plant *plant, const double *a)
 {
     const struct implicit *im = plant->implicit;
@@ -314,8 +314,8 @@ void implicit_linearize_actuators(struct plant *plant)
         im->extra[j] += extra;
     }
 
-    /* Adds the passive springs to torque and extra: at the stage's end their torque is tau(q + h
-     * q', q') - h (D + h K) a */
+    /* Add the passive springs to torque and extra. Their torque at the end of the stage is tau(q +
+     * h q', q') - h (D + h K) a */
     for (size_t i = 0; i < plant->npassive; i++) {
         const size_t j = plant->passive_joint[i];
         const struct robot_passive *passive = &plant->config.robot->joint[j].passive;
@@ -330,7 +330,7 @@ void implicit_linearize_actuators(struct plant *plant)
     }
     linearize_stops(plant);
 
-    /* Fills compliance and pull of the stage from base */
+    /* Fill compliance and pull of the stage from base */
     const double *q = im->base + plant->at.v - robot->njoint;
     const double *qd = im->base + plant->at.drive - robot->njoint;
 
@@ -376,8 +376,8 @@ static void account_span(struct plant *plant, size_t d, enum spring_law law,
     }
 }
 
-/* Raises jump if a spring that was within its room at the start of the step presses its stop in a
- * span. The stop's law holds for the whole span and pulls until the spring reaches the stop. */
+/* Raises jump if a spring that was free at the start of the step presses its stop in a span. The
+ * law of the stop holds for the whole span, so it pulls until the spring reaches the stop. */
 static void raise_jump_at_spring(struct plant *plant, size_t d)
 {
     struct implicit *im = plant->implicit;
@@ -435,8 +435,8 @@ void implicit_advance_actuators(struct plant *plant, enum implicit_span span, co
     }
 }
 
-/* Returns the loss of the end stops at the solved stage, W, from the torques that moved the
- * joints. The stored energy is that of the state at the stage. */
+/* Returns the loss of the end stops at the solved stage, W, from the torques that moved the joints.
+ * The stored energy follows from the state at the stage. */
 static double stop_power(const struct plant *plant, const double *state)
 {
     const struct implicit *im = plant->implicit;

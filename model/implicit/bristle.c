@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The bristles of sticking friction in a stage of the implicit integrator. Contact was evaluated
- * with the bristles bent from the base to the stage by the velocities at the point. The tangents
- * correct the wrenches for the difference between the velocities at the stage and at the point; the
- * functions here correct the bristles' slope. Bristles never store more energy than friction has
- * taken from the motion, with the wrenches and velocities of the stage, which move the bodies.
- * Without this limit they could gain energy, because a stage's slope is used beyond the time for
- * which it was found: when bristles yield, rotate with their patch, or lose contact in an impact.
+ * The bristles of sticking friction in a stage of the implicit integrator. The evaluation of
+ * contact bends the bristles from the base to the stage with the velocities at the point. The
+ * velocities at the stage differ. The tangents correct the wrenches for this difference, and the
+ * functions here correct the bristles' slope.
+ *
+ * Bristles never store more energy than friction has taken from the motion. This energy follows
+ * from the wrenches and velocities of the stage, which move the bodies. Without this limit bristles
+ * could gain energy when they yield, rotate with their patch, or lose contact in an impact. The
+ * reason is that the scheme extends a stage's slope beyond the stage.
  */
 #include "model/implicit/private.h"
 
@@ -33,10 +35,11 @@ static double friction_power(const struct plant *plant, const struct contact_tan
     struct spatial beyond = pair->beyond, velocity = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}}, decrease;
     struct spatial_inertia D;
 
-    /* The velocity at the point, and the difference of the stage's velocity */
+    /* Compute the relative velocity at the point, then at the stage */
     for (int side = PAIR_A; side <= PAIR_B; side++) {
         if (pair->body[side] >= 0) {
-            /* Adds the velocity of the body on one side at the pair's center; b counts positive */
+            /* Add the velocity at the pair's center of the body on this side; b counts positive, a
+             * negative */
             const struct body_motion *motion = implicit_motion(plant, pair->body[side]);
             const double sign = side == PAIR_B ? 1.0 : -1.0;
             double arm[3], turn[3];
@@ -56,7 +59,7 @@ static double friction_power(const struct plant *plant, const struct contact_tan
         velocity.l[i] += beyond.l[i];
     }
 
-    /* The wrench on b decreases by D times that difference */
+    /* The wrench on b decreases by D times the difference of both velocities */
     spatial_inertia_unpack(tangent->friction_D, &D);
     spatial_inertia_apply(&D, &beyond, &decrease);
     return vec3_dot(decrease.l, velocity.l) + vec3_dot(decrease.a, velocity.a) -
@@ -84,7 +87,7 @@ void implicit_advance_bristles(struct plant *plant, double h)
         double *own = y + CONTACT_BRISTLE * (size_t)pair->index;
         double after, most;
 
-        /* Bends a pair's bristles over h seconds by the difference between the velocities at the
+        /* Bend the pair's bristles over h seconds by the difference between the velocities at the
          * stage and at the point */
         const struct contact_tangent *tangent = &im->tangent[t];
         double velocity[3], along;

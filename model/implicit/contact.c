@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Contact in a stage of the implicit integrator: the active pairs with their tangents, the inertias
- * that they add to their bodies, and the wrenches at the stage.
+ * Contact in a stage of the implicit integrator. Linearizes the active pairs with their tangents,
+ * adds their inertias to the bodies, and computes the wrenches at the stage.
  */
 #include "model/implicit/private.h"
 
@@ -11,7 +11,7 @@
 static const char too_many_pairs[] =
     "contact: more pairs are active than the implicit integrator takes";
 
-/* Returns the relative motion of b against a at the center from the twists of the contact
+/* Returns the motion of b relative to a at the pair's center, from the twists of the contact
  * bodies. */
 static struct spatial relative_twist(const struct plant *plant, const struct active_pair *pair,
                                      const struct spatial *twist)
@@ -20,8 +20,8 @@ static struct spatial relative_twist(const struct plant *plant, const struct act
 
     for (int side = PAIR_A; side <= PAIR_B; side++) {
         if (pair->body[side] >= 0) {
-            /* Adds to x the motion at the pair's center that follows from the motion y of the body
-             * on one side; b counts positive, a negative */
+            /* Add the motion at the pair's center of the body on this side to x; b counts positive,
+             * a negative */
             struct spatial at;
             double arm[3];
 
@@ -36,8 +36,8 @@ static struct spatial relative_twist(const struct plant *plant, const struct act
     return x;
 }
 
-/* Adds one pair: its matrix to the inertias of both bodies, and to their loads the matrix times
- * the acceleration that leads to the point, which cancels it there. */
+/* Adds the pair's matrix A to the inertias of both bodies. Adds A times the acceleration from base
+ * to point to their loads, so that A has no effect at the point. */
 static void linearize_pair(struct plant *plant, const struct contact_tangent *tangent,
                            struct active_pair *pair)
 {
@@ -46,7 +46,7 @@ static void linearize_pair(struct plant *plant, const struct contact_tangent *ta
     struct spatial back;
     double A[21];
 
-    /* Stores the pair's state at the point */
+    /* Store the pair's state at the point */
     pair->index = tangent->pair;
     pair->body[PAIR_A] = tangent->body_a;
     pair->body[PAIR_B] = tangent->body_b;
@@ -60,7 +60,8 @@ static void linearize_pair(struct plant *plant, const struct contact_tangent *ta
     pair->point = relative_twist(plant, pair, im->twist_point);
     spatial_inertia_apply(&pair->A, &pair->point, &back);
 
-    /* Adds both to the movable bodies, about their origins; a gets the opposite of b */
+    /* Add both to the movable bodies, about their origins. The wrench on a is opposite to the
+     * wrench on b */
     for (int side = PAIR_A; side <= PAIR_B; side++) {
         int contact = pair->body[side];
 
@@ -97,7 +98,7 @@ enum error_code implicit_linearize_contact(struct plant *plant)
         return ERROR_INPUT;
     }
 
-    /* Lists the contact bodies of the active pairs and sets their added inertias to zero */
+    /* List the contact bodies of the active pairs and set their added inertias to zero */
     memset(im->is_touched, 0, plant->config.ncontact * sizeof *im->is_touched);
     for (size_t t = 0; t < im->nactive; t++) {
         const struct contact_tangent *tangent = &im->tangent[t];
@@ -136,11 +137,12 @@ void implicit_end_contact(struct plant *plant)
     }
     implicit_contact_accelerations(plant, im->a, im->twist_z);
     for (size_t t = 0; t < im->nactive; t++) {
-        /* Computes the wrench of a pair at the stage, on both bodies */
+        /* Compute the wrench of the pair at the stage on both bodies */
         struct active_pair *pair = &im->active[t];
         struct spatial *beyond = &pair->beyond;
 
-        /* It decreases by A times the relative acceleration in excess of the point's */
+        /* The wrench on b decreases by A times the relative acceleration of the stage minus the
+         * point's */
         *beyond = relative_twist(plant, pair, im->twist_z);
         for (int i = 0; i < 3; i++) {
             beyond->l[i] -= pair->point.l[i];
@@ -162,7 +164,7 @@ void implicit_end_contact(struct plant *plant)
         }
     }
 
-    /* Power of the wrenches, with the bodies' velocities at the stage */
+    /* Compute the power of the wrenches with the bodies' velocities at the stage */
     for (size_t t = 0; t < im->ntouched; t++) {
         int c = im->touched[t];
         const struct body_motion *motion = implicit_motion(plant, c);
@@ -236,10 +238,10 @@ void implicit_clamp_friction(struct plant *plant)
         double friction, most;
 
         if (tangent->pressing == 0.0) {
-            continue; /* no bristles */
+            continue; /* the pair has no bristles */
         }
         if (normal <= 0.0) {
-            /* Computes the wrench of a pair on b at its center, at the stage */
+            /* Compute the wrench of the pair on b at the pair's center, at the stage */
             struct contact_world *engine = plant->config.contact;
             const size_t count = engine->ops->patches(engine, plant->patch, PLANT_PATCHES);
 
@@ -254,7 +256,7 @@ void implicit_clamp_friction(struct plant *plant)
             continue;
         }
 
-        /* Computes the wrench of a pair's friction on b at its center, at the stage */
+        /* Compute the wrench of the pair's friction on b at the pair's center, at the stage */
         const double h = plant->implicit->stage_h;
         struct spatial_inertia D;
         struct spatial decrease;

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Drives with effects in a stage of the implicit integrator. model/drives/effects_flow.h advances
- * them through its spans. Their torque on the joint at the stage is linearized at the joint's
- * predicted rate. That rate has an error of order h^2, so the result has order 2 for any slope. The
- * slope is that of spring, hysteresis and stop with a fixed rotor: an inertia that is never
- * negative and keeps stiff springs stable.
+ * them through the spans. The torque on the joint at the stage is linearized at the joint's
+ * predicted rate. The predicted rate has an error of order h^2, so the result has order 2 for any
+ * slope. The slope used is the slope of spring, hysteresis and stop with a fixed rotor. It gives an
+ * inertia that is never negative and keeps stiff springs stable.
  */
 #include "model/implicit/private.h"
 
@@ -47,7 +47,7 @@ void implicit_refresh_effects(struct plant *plant, size_t d)
     }
 }
 
-/* Returns the constants of a span of drive d with its joint moving at rate. */
+/* Returns the constants of a span of drive d whose joint moves at `rate`. */
 static struct effects_span effect_span_of(const struct plant *plant, size_t d,
                                           enum implicit_span span, double rate)
 {

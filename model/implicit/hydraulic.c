@@ -1,18 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Hydraulic joints in a stage of the implicit integrator, handled like drives with effects
- * (model/implicit/effects.c). The torque at the stage is linearized at the cylinder's predicted
- * place, with the cylinder's own slope against the joint's rate. The supply's pressure is constant
- * over a span and then follows from the volume drawn. The pressure of an empty accumulator changes
- * with any small volume, so it is solved together with the volume drawn at it.
+ * (model/implicit/effects.c). The torque at the stage is linearized at the predicted
+ * position of the cylinder, with the cylinder's own slope against the joint's rate. The supply
+ * pressure is constant over a span; then it changes with the volume drawn. With an empty
+ * accumulator the pressure changes with any small volume. It is then solved together with the
+ * volume drawn at this pressure.
  */
 #include "model/implicit/private.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Tolerance of the pressure of an empty supply, and largest number of solver steps; five or six
- * are usual. */
+/* Solver for the pressure of an empty supply: tolerance, and largest number of steps. Five or six
+ * steps are usual. */
 #define SUPPLY_TOLERANCE_PA 1e3
 enum { SUPPLY_STEPS = 12 };
 
@@ -76,8 +77,8 @@ static double supply_excess(const struct plant *plant, double held, double t, co
 }
 
 /* Returns the end pressure of an empty supply (regula falsi, Illinois variant). A higher pressure
- * draws more volume, so there is one solution between the return's pressure and precharge, or one
- * of these bounds is the result. */
+ * draws more volume. So there is one solution between return pressure and precharge, or one of
+ * these bounds is the result. */
 static double solve_empty_supply(const struct plant *plant, double t, const double *rates)
 {
     const struct robot_hydraulic_supply *s = &plant->config.robot->hydraulic_supply;
@@ -85,7 +86,7 @@ static double solve_empty_supply(const struct plant *plant, double t, const doub
     double below = supply_excess(plant, low, t, rates), above;
     int side = 0;
 
-    /* The result is one of the bounds */
+    /* Return a bound if there is no solution between the bounds */
     if (below <= 0.0) {
         return low;
     }
@@ -93,8 +94,8 @@ static double solve_empty_supply(const struct plant *plant, double t, const doub
     if (above >= 0.0) {
         return high;
     }
-    /* The secant's root replaces the bound with its sign; a bound kept twice gets half its
-     * weight */
+    /* The root of the secant replaces the bound whose excess has the same sign. If the other bound
+     * stays twice, its excess is halved */
     for (int k = 0; k < SUPPLY_STEPS; k++) {
         double excess;
 

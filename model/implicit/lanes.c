@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The drives of the implicit integrator side by side, two per vector register. It handles drives
- * without effects whose springs stay far from their stops, which is the usual case. Each lane
- * repeats the operations of model/implicit/actuators.c for one drive, so that results are
+ * The drives of the implicit integrator side by side, two per vector register. This file handles
+ * drives without effects whose springs stay far from their stops, which is the usual case. Each
+ * lane repeats the operations of model/implicit/actuators.c for one drive, so that results are
  * bit-identical. All other drives use the functions there.
  *
  * The drives' flows are stored by lanes, and filled again when a bridge switches or a condition
@@ -12,13 +12,14 @@
 
 #include <math.h>
 
-/* A bridge state that no drive has: its lane must be filled. */
+/* Bridge state of a lane that must be filled; no drive has it. */
 enum { BRIDGE_UNKNOWN = -1 };
 
 /* ---- constants of a step ---- */
 
-/* Fills a drive's lane: its parameters, its flows, and the inertia that it adds to the joint (the
- * slope of its spring's torque against the rate at the stage, times the stage's length). */
+/* Fills a drive's lane: parameters, flows, and the inertia that the drive adds to the joint. The
+ * inertia is the slope of the spring's torque against the rate at the stage, times the stage's
+ * length. */
 static void fill_lane(const struct plant *plant, size_t d, int lane, struct drive_group *group)
 {
     const struct robot_sea *sea = &plant->sea[d];
@@ -35,7 +36,7 @@ static void fill_lane(const struct plant *plant, size_t d, int lane, struct driv
         const struct drive_flow *stage = &flow[SPAN_STAGE];
 
         for (int span = 0; span < SPANS; span++) {
-            /* Copies a drive's flow into its lane */
+            /* Copy the drive's flow into its lane */
             struct drive_lane_flow *lanes = &group->flow[level][span];
 
             lanes->t[lane] = flow[span].t;
@@ -66,7 +67,7 @@ void implicit_hold_lanes(struct plant *plant)
         bool stale = false;
 
         group->V = (drive_lanes){plant->voltage[d[0]], plant->voltage[d[1]]};
-        /* Fills a group again if a bridge of its drives has switched */
+        /* Fill a group again if a bridge of its drives has switched */
         for (int l = 0; l < DRIVE_LANES; l++) {
             stale |= im->lane_bridge[d[l]] != plant->bridge_on[d[l]];
         }
@@ -85,7 +86,7 @@ struct lane_state {
     drive_lanes qm, qmd, I;
 };
 
-/* Returns the state of a group's drives after a flow with their joints at rate. */
+/* Returns the state of a group's drives after a flow. rate: rates of their joints. */
 static struct lane_state advance_lanes(const struct drive_group *group,
                                        const struct drive_lane_flow *flow, drive_lanes rate)
 {
@@ -112,7 +113,7 @@ static drive_lanes_mask find_free_lanes(const struct drive_group *group,
     return (drive_lanes_mask)(twist + flow->t * speed < group->room);
 }
 
-/* Loads the state of a group's drives from base; returns the rates of their joints. */
+/* Loads the state of a group's drives from base. Returns the rates of their joints. */
 static drive_lanes take_lanes(const struct plant *plant, const size_t d[DRIVE_LANES],
                               struct drive_group *group)
 {
@@ -144,8 +145,8 @@ void implicit_linearize_drives(struct plant *plant)
         const drive_lanes torque =
             group->Ks * (end.qm - (group->q + h * rate)) + group->Ds * (end.qmd - rate);
 
-        /* Torque of the spring at the drive's predicted place if the joint keeps its rate, and its
-         * slope */
+        /* Compute the spring's torque and its slope in the predicted state, if the joint keeps its
+         * rate */
         group->is_free = find_free_lanes(group, flow, rate);
         for (int l = 0; l < DRIVE_LANES; l++) {
             const size_t j = plant->drive_joint[d[l]];
@@ -174,7 +175,7 @@ void implicit_advance_drives(struct plant *plant, enum implicit_span span, const
         const drive_lanes_mask is_free =
             span == SPAN_STAGE ? group->is_free : find_free_lanes(group, flow, rate);
 
-        /* Other drives, and drives with accounts, are handled one by one */
+        /* Handle other drives, and all drives if energies are accounted, one by one */
         for (int l = 0; l < DRIVE_LANES && DRIVE_LANES * g + (size_t)l < plant->ndrive; l++) {
             double *y = im->base + plant_drive_offset(plant, d[l]);
 

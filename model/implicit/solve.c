@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The linear system of a stage of the implicit integrator, (P + C) a = right-hand side: P consists
- * of the robot's tree with its joint couplings, and of the free bodies; it is solved directly. C
- * couples them by pairs between two moving bodies; it needs conjugate gradients (Golub, Van Loan,
- * Matrix Computations, 11.5) preconditioned by P.
+ * The linear system of a stage of the implicit integrator, (P + C) a = right-hand side. P consists
+ * of the robot's tree with its joint couplings, and of the free bodies. Systems with P are solved
+ * directly. C has the blocks of contact pairs between two moving bodies. If C is not zero,
+ * conjugate gradients (Golub, Van Loan, Matrix Computations, 11.5) with P as preconditioner solve
+ * the system.
  *
  * Joint couplings are solved by implicit Euler. Let h be the stage's length, e and e' the error and
  * its rate at the base, a the accelerations of the stage and w = +1 on the follower, -m on the
@@ -18,7 +19,7 @@
 
 #include <string.h>
 
-/* Limits of the conjugate gradients: number of steps, and residual relative to the first one
+/* Limits of the conjugate gradients: number of steps, and residual relative to the first residual
  * (squared, in the norm of P^-1). */
 enum { COUPLING_STEPS = 16 };
 #define COUPLING_LEFT 1e-8
@@ -54,9 +55,9 @@ static void scale_and_add(const struct implicit *im, double scale, const struct 
     }
 }
 
-/* Computes Euler's moment of a free body at the stage: I w' = moment - w x I w with w at the
- * stage, by fixed-point iteration. Each pass reduces the error by the factor h |w|, h the stage's
- * length. */
+/* Adds the gyroscopic moment of a free body at the stage to its load, I w' = moment - w x I w, with
+ * w at the stage. Uses fixed-point iteration. Each pass reduces the error by the factor h |w|; h:
+ * length of the stage. */
 static void find_gyroscopic_moment(struct plant *plant, size_t b)
 {
     struct implicit *im = plant->implicit;
@@ -79,15 +80,15 @@ static void find_gyroscopic_moment(struct plant *plant, size_t b)
     }
 }
 
-/* Prepares the systems of the free bodies, in their frames about their centers of mass: Newton's
- * and Euler's laws with the inertias added by contact. */
+/* Prepares the systems of the free bodies: Newton's and Euler's laws with the inertias added by
+ * contact, in the bodies' frames about their centers of mass. */
 static void prepare_free_bodies(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
     const struct robot *robot = plant->config.robot;
     static const double origin[3] = {0.0, 0.0, 0.0};
 
-    /* Inertia; weight and loads */
+    /* Set the inertia, the weight and the loads */
     for (size_t b = 0; b < plant->config.nfree; b++) {
         const struct robot_inertia *inertia = &plant->config.free[b].inertia;
         const struct wrench *ext = &plant->ext[robot->nbody + b];
@@ -103,7 +104,7 @@ static void prepare_free_bodies(struct plant *plant)
         vec3_add_cross(ext->force, inertia->com, load->a);
     }
 
-    /* Inertia added by contact, rotated and moved to the center of mass */
+    /* Add the inertia of contact, rotated and moved to the center of mass */
     for (size_t t = 0; t < im->ntouched; t++) {
         int c = im->touched[t];
 
@@ -125,8 +126,8 @@ static void prepare_free_bodies(struct plant *plant)
     }
 }
 
-/* Solves a = P^-1 (right-hand side + w), with wrenches w on the contact bodies. w NULL means none;
- * a stage must call it with NULL first. */
+/* Computes a = P^-1 (right-hand side + w), with wrenches w on the contact bodies. NULL: no
+ * wrenches. The first call in a stage must pass NULL. */
 static void solve_uncoupled(struct plant *plant, const struct spatial *w, double *a)
 {
     struct implicit *im = plant->implicit;
@@ -134,7 +135,7 @@ static void solve_uncoupled(struct plant *plant, const struct spatial *w, double
     size_t nbody = plant->config.robot->nbody, nv = plant->config.robot->nv;
     const double *v = im->point + plant->at.v;
 
-    /* The robot: one pass of the dynamics over the tree */
+    /* Solve for the robot: one pass of the dynamics over the tree */
     memcpy(im->ext, plant->ext, nbody * sizeof *im->ext);
     for (size_t t = 0; w && t < im->ntouched; t++) {
         int c = im->touched[t];
@@ -149,15 +150,14 @@ static void solve_uncoupled(struct plant *plant, const struct spatial *w, double
         dynamics->ops->implicit(dynamics, plant->q, v, im->torque, im->ext, im->extra, im->added,
                                 a);
 
-        /* Corrects the accelerations of the tree without couplings to those with its joint
-         * couplings */
+        /* Correct the accelerations for the joint couplings */
         if (plant->config.robot->ncoupling > 0) {
             if (!w) {
-                /* Fills column and factor. Inputs: extra, torque, added, ext and the accelerations
-                 * a of the tree without couplings. */
+                /* Fill column and factor from extra, torque, added, ext and the accelerations a of
+                 * the tree without couplings */
                 const struct robot *robot = plant->config.robot;
 
-                /* Change of the accelerations by a unit load on the joints */
+                /* Compute the change of the accelerations by a unit load on the joints */
                 for (size_t i = 0; i < robot->ncoupling; i++) {
                     const struct robot_coupling *coupling = &robot->coupling[i];
                     double *follower = &im->torque[coupling->follower],
@@ -174,17 +174,16 @@ static void solve_uncoupled(struct plant *plant, const struct spatial *w, double
                     add_scaled(-1.0, a, column, robot->nv);
                 }
 
-                /* Without a positive pivot the factor is NAN, and so is the resulting state */
+                /* Without a positive pivot the factor is NAN, and the resulting state is NAN too */
                 coupling_factorize(robot, im->column, im->compliance, im->factor);
             }
 
-            /* Corrects the accelerations of the tree without couplings, under any loads, to those
-             * with couplings */
+            /* Correct the accelerations, under any loads, with the columns and the factor */
             coupling_correct(plant->config.robot, im->column, im->factor, im->pull, im->force, a);
         }
     }
 
-    /* Each free body: its own 6x6 system, in its frame about its center of mass */
+    /* Solve for each free body: a 6x6 system in its frame about its center of mass */
     for (size_t b = 0; b < plant->config.nfree; b++) {
         const double *com = plant->config.free[b].inertia.com;
         const double arm[3] = {-com[0], -com[1], -com[2]};
@@ -247,8 +246,8 @@ static void add_coupling(struct plant *plant, double scale, const struct spatial
             !implicit_moves(plant, pair->body[PAIR_B])) {
             continue;
         }
-        /* Each side gets the other's acceleration at the pair's center, through the pair's inertia
-         * A */
+        /* The wrench on each side is the pair's inertia A times the other side's acceleration at
+         * the pair's center */
         for (int side = PAIR_A; side <= PAIR_B; side++) {
             int self = pair->body[side], other = pair->body[PAIR_B - side];
             struct spatial at, f;
@@ -263,28 +262,29 @@ static void add_coupling(struct plant *plant, double scale, const struct spatial
     }
 }
 
-/* Computes z = P^-1 r, also as accelerations of the contact bodies; returns the product of z and
- * r. */
+/* Computes z = P^-1 r, and the accelerations of the contact bodies for z. Returns the product of z
+ * and r. */
 static double apply_preconditioner(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
 
-    /* Subtracts the solution for the right-hand side alone */
+    /* Subtract the solution for the right-hand side alone */
     solve_uncoupled(plant, im->r, im->z);
     add_scaled(-1.0, im->uncoupled, im->z, im->na);
     implicit_contact_accelerations(plant, im->z, im->twist_z);
     return inner_product(im, im->r, im->twist_z);
 }
 
-/* Corrects im->a from the solution of P to that of P + C, by conjugate gradients. Residuals, s = P
- * p and w = (P + C) p are wrenches on the contact bodies, because C produces only these. */
+/* Corrects im->a from the solution with P to the solution with P + C, by conjugate gradients.
+ * Residuals, s = P p and w = (P + C) p are wrenches on the contact bodies, because C produces no
+ * other loads. */
 static void solve_coupled(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
     const size_t bytes = plant->config.ncontact * sizeof *im->r;
     double first, rz;
 
-    /* The solution of P, its residual -C a, and the first direction */
+    /* Start with the solution of P, its residual -C a, and the first direction */
     memcpy(im->uncoupled, im->a, im->na * sizeof *im->a);
     implicit_contact_accelerations(plant, im->a, im->twist_z);
     memset(im->r, 0, bytes);
@@ -297,7 +297,7 @@ static void solve_coupled(struct plant *plant)
     for (int step = 0; step < COUPLING_STEPS && rz > COUPLING_LEFT * first; step++) {
         double length, last = rz;
 
-        /* Step along p to where the residual is orthogonal to p */
+        /* Move along p until the residual is orthogonal to p */
         memcpy(im->w, im->s, bytes);
         add_coupling(plant, 1.0, im->twist_p, im->w);
         length = rz / inner_product(im, im->w, im->twist_p);
@@ -311,7 +311,7 @@ static void solve_coupled(struct plant *plant)
             }
         }
 
-        /* The next direction, conjugate to all earlier ones */
+        /* Compute the next direction, conjugate to all earlier directions */
         rz = apply_preconditioner(plant);
         for (size_t i = 0; i < im->na; i++) {
             im->p[i] = im->z[i] + rz / last * im->p[i];

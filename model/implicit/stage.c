@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * One stage of the implicit integrator: from a base state and a point near the stage to the rates
- * at the stage, with one evaluation of forces and one linear system. Also the update of positions.
+ * Solves one stage of the implicit integrator. From a base state and a point near the stage it
+ * computes the rates at the stage, with one evaluation of forces and one linear system. Also moves
+ * positions.
  */
 #include "base/portable_math.h"
 #include "model/implicit/private.h"
@@ -99,8 +100,8 @@ void implicit_move(const struct plant *plant, const double *u, double h, double 
 
 /* ---- the stage ---- */
 
-/* Computes the rate of the base's velocity components due to the rotation of its frame at the
- * point, w x v, in the base frame. */
+/* Computes w x v at the point, in the base frame: the rate of the base's velocity components due to
+ * the rotation of its frame. */
 static void find_base_transport(const struct plant *plant, double transport[3])
 {
     const double *v = plant->implicit->point + plant->at.v;
@@ -108,9 +109,9 @@ static void find_base_transport(const struct plant *plant, double transport[3])
     vec3_cross(v + BASE_V_ANGULAR, v + BASE_V_LINEAR, transport);
 }
 
-/* Computes the point, and the acceleration that leads to it from the base state, in the
- * coordinates of a: linear parts in the bodies' frames at the point; for the robot's base, the
- * derivative in the moving frame. */
+/* Computes the point, and the acceleration that leads from the base state to the point, in the
+ * coordinates of a. Linear parts are in the bodies' frames at the point. For the robot's base it is
+ * the derivative in the moving frame. */
 static void find_point(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -139,7 +140,7 @@ static void find_point(struct plant *plant)
     }
 }
 
-/* Computes the slope of the rates: a with linear parts in the world frame. */
+/* Computes the slope of the rates from a. Linear parts are in the world frame. */
 static void find_slope(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -176,8 +177,8 @@ static bool something_strikes(const struct plant *plant)
     return strikes;
 }
 
-/* Raises jump for joints whose rates differ from those at the point, converted to the speed of a
- * body on a lever. */
+/* Raises jump by the difference between the joints' rates at the stage and at the point, converted
+ * to the speed of a body on a lever. */
 static void raise_jump_at_joints(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -200,7 +201,7 @@ enum error_code implicit_solve_stage(struct plant *plant)
     struct implicit *im = plant->implicit;
     enum error_code code;
 
-    /* Forces and tangents at the point */
+    /* Evaluate forces and tangents at the point */
     find_point(plant);
     if ((code = plant_load_bodies(plant, im->point, plant->state + plant->at.bristle, im->stage_h,
                                   &im->load))) {
@@ -211,7 +212,7 @@ enum error_code implicit_solve_stage(struct plant *plant)
     }
     implicit_linearize_actuators(plant);
 
-    /* Passes contact_inertia to the dynamics: fills added */
+    /* Fill added from contact_inertia, for the dynamics */
     memset(im->added, 0, im->nobserved * sizeof *im->added);
     for (size_t t = 0; t < im->ntouched; t++) {
         int c = im->touched[t];
@@ -227,7 +228,7 @@ enum error_code implicit_solve_stage(struct plant *plant)
         }
     }
 
-    /* Accelerations; then contact and rates at the stage */
+    /* Solve for the accelerations, then compute contact and rates at the stage */
     implicit_solve(plant);
     while (!plant->clamped && implicit_revise_stops(plant)) {
         implicit_solve(plant); /* terminates: each joint's stop changes at most twice */
