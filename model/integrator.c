@@ -11,7 +11,7 @@ enum { RK4_STAGES = 4 };
 
 size_t integrator_rk4_scratch(size_t n)
 {
-    return (RK4_STAGES + 1) * n; /* slopes, and the state for the next slope */
+    return (RK4_STAGES + 1) * n; /* memory for the slopes and for the state of the next slope */
 }
 
 /* Computes out = y + h k. */
@@ -23,8 +23,8 @@ static void advance_stage(size_t n, const double *y, double h, const double *res
     }
 }
 
-/* Adds change to y with compensation: also adds the rounding error of earlier sums, and stores the
- * new one (Knuth, The Art of Computer Programming, 4.2.2, theorem B). */
+/* Adds `change` and the rounding error of earlier sums to y. *lost receives the new rounding error
+ * (Knuth, The Art of Computer Programming, 4.2.2, theorem B). */
 static void add_exactly(double change, double *y, double *lost)
 {
     double part = change + *lost, sum = *y + part, taken = sum - *y;
@@ -55,7 +55,7 @@ enum { DOPRI5_STAGES = 7 };
 
 static const double dopri5_c[DOPRI5_STAGES] = {0.0, 1.0 / 5, 3.0 / 10, 4.0 / 5, 8.0 / 9, 1.0, 1.0};
 
-/* The last row is the solution of order 5. */
+/* Coefficients of the stages. The last row is the solution of order 5. */
 static const double dopri5_a[DOPRI5_STAGES][DOPRI5_STAGES - 1] = {
     {0.0},
     {1.0 / 5},
@@ -65,24 +65,25 @@ static const double dopri5_a[DOPRI5_STAGES][DOPRI5_STAGES - 1] = {
     {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
     {35.0 / 384, 0.0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
 
-/* The solution of order 5 minus that of order 4. */
+/* Coefficients of the error: solution of order 5 minus solution of order 4. */
 static const double dopri5_e[DOPRI5_STAGES] = {
     71.0 / 57600, 0.0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
 
-/* Step control: exponents, safety factor, and limits of a step's change. */
+/* Step control: exponents, safety factor, and limits of the ratio of successive steps. */
 #define CONTROL_BETA 0.04
 #define CONTROL_ALPHA (0.2 - 0.75 * CONTROL_BETA)
 #define CONTROL_SAFETY 0.9
 #define CONTROL_SHRINK 0.2
 #define CONTROL_GROW 10.0
 
-/* First step, and smallest step, relative to the whole. */
+/* First step and smallest step, relative to the whole span h. */
 #define FIRST_STEP 1e-3
 #define LEAST_STEP 1e-12
 
 size_t integrator_dopri5_scratch(size_t n)
 {
-    return (DOPRI5_STAGES + 1) * n; /* slopes, and the state for the next slope */
+    /* memory for the slopes and for the state of the next slope */
+    return (DOPRI5_STAGES + 1) * n;
 }
 
 /* Returns the root mean square of the step's error over the state, relative to the tolerances. */
@@ -126,11 +127,11 @@ bool integrator_dopri5(integrator_function *f, void *context, double t, double h
         bool final = step >= h - done;
         double error, factor;
 
-        /* Tries a step that ends no later than the end */
+        /* Try a step that ends no later than the span */
         control->next = step;
         step = final ? h - done : step;
 
-        /* Computes slopes 2 to 7; the state of the last one is the result of the step */
+        /* Compute slopes 2 to 7. The state of the last slope is the result of the step */
         for (int s = 1; s < DOPRI5_STAGES; s++) {
             memcpy(stage, y, n * sizeof *y);
             for (int m = 0; m < s; m++) {
@@ -143,7 +144,7 @@ bool integrator_dopri5(integrator_function *f, void *context, double t, double h
         control->evaluations += DOPRI5_STAGES - 1;
         error = dopri5_error(control, step, n, y, stage, k);
 
-        /* Error too large: repeats with a shorter step */
+        /* If the error is too large, repeat with a shorter step */
         if (!(error <= 1.0)) {
             step *= isfinite(error)
                         ? fmax(CONTROL_SHRINK, CONTROL_SAFETY * portable_pow(error, -0.2))
@@ -152,7 +153,8 @@ bool integrator_dopri5(integrator_function *f, void *context, double t, double h
             continue;
         }
 
-        /* Accepts: the last slope is the next step's first, and the errors give its length */
+        /* Accept the step. Its last slope is the first slope of the next step, and the errors give
+         * the next step's length */
         memcpy(y, stage, n * sizeof *y);
         memcpy(k, last, n * sizeof *k);
         factor = dopri5_factor(error, fmax(control->last_error, 1e-4));

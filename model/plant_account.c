@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The plant's always-on energy account. Unlike plant_energy it has no integrals in the state, so it
- * costs a few operations a drive and substep. It is one-sided: losses that it does not know make it
- * less strict. Two laws are checked, over a window and since the account began:
+ * The plant's energy account, which always runs. Unlike plant_energy it has no integrals in the
+ * state, so it costs a few operations per drive and substep. It only detects energy that appears.
+ * It does not count all losses, so energy that appears can hide behind the losses not counted. It
+ * checks two laws, over a window and since the account began:
  *
  *   motion   the stored energy of bodies, drives and springs grows at most by the work of the
  *            motors' torques Kt I, of pretensions, contacts and pushes, minus the losses of rotors
  *            and series springs;
- *   contact  contacts give the bodies at most what they had stored.
+ *   contact  contacts give the bodies at most the energy that they had stored.
  *
  * The implicit integrator integrates the work of contacts and pushes exactly. Other integrators
  * sample it at the end of each substep, like all powers of drives.
@@ -19,8 +20,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Energy that may appear: a share of the turnover, plus the energy that lifts the robot by
- * ACCOUNT_LIFT_M. Sampled powers of a hard landing are wrong by less. */
+/* Limit of the energy that may appear: a share of the turnover, plus the energy that lifts the
+ * robot by ACCOUNT_LIFT_M. The error of sampled powers in a hard landing is below this limit. */
 #define ACCOUNT_SHARE 0.2
 #define ACCOUNT_LIFT_M 0.02
 #define ACCOUNT_GRAVITY 9.81
@@ -66,8 +67,8 @@ void plant_account_load(struct plant *plant, double h, const struct plant_load *
     sum[ACCOUNT_TURNOVER] += h * (fabs(load->contact) + fabs(load->push));
 }
 
-/* Computes the energy that appeared since a moment, and the turnover. Returns whether it is more
- * than may appear. */
+/* Computes the energy that appeared since `from`, and the turnover. Returns whether the energy is
+ * above the limit. */
 static bool find_created(const struct plant *plant, const struct plant_account_moment *now,
                          const struct plant_account_moment *from, struct plant_created *created)
 {
@@ -96,7 +97,8 @@ bool plant_check_energy(struct plant *plant, struct plant_created *created)
     struct plant_account_moment now = {.time_ns = plant->time_ns};
     bool found;
 
-    /* A clamp, a caller that writes the state and a pump put energy in that nobody measures */
+    /* The account cannot measure the energy of a clamp, of a caller that writes the state, or of a
+     * pump */
     if (plant->clamped || plant->handed_out || plant->nhydraulic > 0) {
         account->runs = false;
         return false;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Computes the bending moments of the joints' sensors, across the joints' axes. They are reaction
- * moments of the joints, by Newton and Euler from the leaves to the base. */
+/* Computes the bending moments across the joints' axes, for the joints' sensors. They are reaction
+ * moments of the joints, from Newton's and Euler's laws, summed from the leaves to the base. */
 #include "base/vec3.h"
 #include "model/plant_private.h"
 #include "model/spatial.h"
@@ -17,8 +17,8 @@ bool plant_bending_create(struct plant *plant, struct arena *arena)
     return plant->bending_acceleration && plant->bending_load;
 }
 
-/* Computes the wrench that accelerates body b, minus external wrenches, in the world frame about
- * its origin. */
+/* Computes the wrench that accelerates body b, minus the external wrenches, in the world frame
+ * about the body's origin. */
 static void find_own_load(const struct plant *plant, size_t b, struct wrench *load)
 {
     const struct robot *robot = plant->config.robot;
@@ -27,7 +27,7 @@ static void find_own_load(const struct plant *plant, size_t b, struct wrench *lo
     const struct body_acceleration *acceleration = &plant->bending_acceleration[b];
     double com[3], a[3], spin[3], w[3], alpha[3], rate[3], outside[3], turned[3];
 
-    /* m (a of the center of mass - g) */
+    /* Force: m (acceleration of the center of mass - g) */
     mat3_apply(motion->R, inertia->com, com);
     vec3_cross(motion->w, com, spin);
     memcpy(a, acceleration->a, sizeof a);
@@ -38,7 +38,8 @@ static void find_own_load(const struct plant *plant, size_t b, struct wrench *lo
         load->force[i] = inertia->mass * (a[i] - robot->gravity[i]);
     }
 
-    /* I alpha + w x I w in the body's axes, and the moment of the force about the origin */
+    /* Moment: I alpha + w x I w in the body's axes, plus the moment of the force about the
+     * origin */
     mat3_apply_transposed(motion->R, motion->w, w);
     mat3_apply_transposed(motion->R, acceleration->alpha, alpha);
     sym3_apply(inertia->I, alpha, rate);
@@ -61,7 +62,7 @@ void plant_sample_bending(struct plant *plant)
     for (size_t b = 0; b < robot->nbody; b++) {
         find_own_load(plant, b, &plant->bending_load[b]);
     }
-    /* From the leaves to the base: children have higher indices than parents */
+    /* Sum from the leaves to the base. Children have higher indices than parents */
     for (size_t b = robot->nbody - 1; b > 0; b--) {
         const size_t parent = (size_t)robot->body[b].parent;
         const struct wrench *load = &plant->bending_load[b];
@@ -70,8 +71,9 @@ void plant_sample_bending(struct plant *plant)
 
         mat3_apply_transposed(plant->whole_motion[b].R, load->moment, moment);
 
-        /* Fills axes with two unit vectors orthogonal to an axis and to each other. The first is
-         * the coordinate axis most orthogonal to it, minus its component along the axis. */
+        /* Fill axes with two unit vectors orthogonal to the joint's axis and to each other. The
+         * first is the coordinate axis most orthogonal to the joint's axis, minus its component
+         * along that axis */
         const double *axis = robot->joint[b - 1].axis;
         double length;
         int most = 0;

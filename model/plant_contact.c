@@ -4,8 +4,8 @@
  * and the measured cost.
  *
  * The sensors at the end of a tick and the first stage of the next tick need the same evaluation.
- * The engine's result depends only on the motion and the bristles, so the second one comes from the
- * memory. The engine's patches and tangents still belong to that motion.
+ * The engine's result depends only on the motion and the bristles. So the memory provides the
+ * result of the second evaluation. The engine's patches and tangents remain valid for that motion.
  */
 #include "model/plant_private.h"
 
@@ -18,8 +18,8 @@ static struct contact_wrench *remembered_wrench(const struct plant *plant)
     return (struct contact_wrench *)(plant->contact_memory->motion + plant->config.ncontact);
 }
 
-/* Returns the rates of bristles, stored behind the wrenches; then follow the bristles of the
- * listed pairs. */
+/* Returns the rates of the bristles, stored behind the wrenches. The bristles of the listed pairs
+ * follow. */
 static double *remembered_rates(const struct plant *plant)
 {
     return (double *)(remembered_wrench(plant) + plant->config.ncontact);
@@ -30,8 +30,8 @@ static double *remembered_bristles(const struct plant *plant)
     return remembered_rates(plant) + plant->nbristle;
 }
 
-/* Returns the pairs, stored behind the bristles: those listed before, then those that the engine
- * added. */
+/* Returns the pairs, stored behind the bristles: pairs listed before the evaluation, then pairs
+ * that the engine added. */
 static int *remembered_pairs(const struct plant *plant)
 {
     return (int *)(remembered_bristles(plant) + plant->nbristle);
@@ -54,7 +54,7 @@ bool plant_contact_create(struct plant *plant, struct arena *arena)
     return plant->contact_memory;
 }
 
-/* Reads the clock; 0 without one. */
+/* Reads the configuration's clock. Returns 0 without a clock. */
 static int64_t stopwatch_ns(const struct plant *plant)
 {
     return plant->config.now_ns ? plant->config.now_ns(plant->config.clock) : 0;
@@ -66,7 +66,7 @@ static int64_t stopwatch_ns(const struct plant *plant)
 
 enum { BRISTLES_AT_ONCE = 32 * CONTACT_BRISTLE };
 
-/* Returns whether all bristles of a pair are below BRISTLE_LEAST. */
+/* Returns whether all bristles of a pair are below BRISTLE_LEAST, so that they count as relaxed. */
 static bool bristles_are_relaxed(const double y[CONTACT_BRISTLE])
 {
     for (int k = 0; k < CONTACT_BRISTLE; k++) {
@@ -77,7 +77,7 @@ static bool bristles_are_relaxed(const double y[CONTACT_BRISTLE])
     return true;
 }
 
-/* Relaxed bristles, to compare with. */
+/* Zeros, to compare bristles with. */
 static const double none[BRISTLES_AT_ONCE];
 
 void plant_find_bristles(struct plant *plant)
@@ -167,8 +167,8 @@ void plant_return_state(struct plant *plant)
     }
 }
 
-/* Stores the live bristles and the time ahead in the memory; returns whether they were already
- * equal. */
+/* Stores the live bristles and the time ahead in the memory. Returns whether the memory already had
+ * the same values. */
 static bool remember_bristles(struct plant *plant, const double *bristle, double ahead_s)
 {
     struct plant_contact_memory *memory = plant->contact_memory;
@@ -198,7 +198,7 @@ enum error_code plant_contact_evaluate(struct plant *plant, const double *v, con
     struct contact_world *engine = config->contact;
     bool answered = remember_bristles(plant, bristle, ahead_s) && memory->valid;
 
-    /* Computes the motions in the engine's order, and compares them with the last evaluation */
+    /* Compute the motions in the engine's order, and compare them with the last evaluation */
     config->dynamics->ops->kinematics(config->dynamics, plant->q, v, plant->motion);
     for (size_t c = 0; c < config->ncontact; c++) {
         const struct body_motion *motion = &plant->motion[config->contact_body[c]];
@@ -228,7 +228,7 @@ enum error_code plant_contact_evaluate(struct plant *plant, const double *v, con
         memcpy(remembered_pairs(plant), plant->live, memory->nlive * sizeof *plant->live);
     }
 
-    /* Reads back the pairs that the engine added, and the results */
+    /* Copy the pairs that the engine added, and the results, from the memory */
     memcpy(plant->live, remembered_pairs(plant), memory->nlive * sizeof *plant->live);
     plant->nlive = memory->nlive;
     plant->bristles_follow = true;

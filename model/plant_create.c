@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Creates a plant: checks of its configuration, the layout of its state, its memory. */
+/* Creates a plant: checks the configuration, lays out the state and allocates the memory. */
 #include "model/plant.h"
 
 #include "model/implicit/implicit.h"
@@ -12,7 +12,7 @@
 /* Largest number of dopri5 steps per substep. */
 enum { DOPRI5_TRIES = 100000 };
 
-/* Checks that the dynamics compute the motion of a body that the plant reads. */
+/* Checks that a body is observed, so that the dynamics compute its motion. */
 static enum error_code check_observed_body(const struct robot *robot, int body, const char *what,
                                            struct error *error)
 {
@@ -27,7 +27,8 @@ static enum error_code check_observed_body(const struct robot *robot, int body, 
     return ERROR_NONE;
 }
 
-/* Checks the body of a contact surface: an observed one of the robot, or a free body. */
+/* Checks the body of a contact surface. It must be an observed body of the robot, or a free
+ * body. */
 static enum error_code check_contact_body(const struct plant_config *config, int body,
                                           struct error *error)
 {
@@ -45,7 +46,7 @@ static enum error_code check_contact_body(const struct plant_config *config, int
     return check_observed_body(config->robot, body, "a contact surface", error);
 }
 
-/* Checks the free bodies, and all objects attached to bodies: contact surfaces and sensors. */
+/* Checks the free bodies, and the bodies of all contact surfaces and sensors. */
 static enum error_code check_plant_bodies(const struct plant_config *config, struct error *error)
 {
     const struct robot *robot = config->robot;
@@ -83,7 +84,7 @@ static enum error_code check_plant_config(const struct plant_config *config, str
                          config->robot->name);
     }
 
-    /* Checks that the integrator exists and that its requirements are met */
+    /* Check that the integrator exists and that its requirements are met */
     if (config->integrator != PLANT_RK4 && config->integrator != PLANT_IMPLICIT &&
         config->integrator != PLANT_DOPRI5) {
         return error_set(error, ERROR_INPUT, "unknown integrator %d", (int)config->integrator);
@@ -99,7 +100,7 @@ static enum error_code check_plant_config(const struct plant_config *config, str
                          config->rtol, config->atol);
     }
 
-    /* Time and supply */
+    /* Check time and supply */
     if (config->substep_ns <= 0) {
         return error_set(error, ERROR_INPUT, "the substep is %lld ns, expected more than 0",
                          (long long)config->substep_ns);
@@ -114,7 +115,7 @@ static enum error_code check_plant_config(const struct plant_config *config, str
                          config->supply_ohm);
     }
 
-    /* Checks the parameters of the bus, if there is one */
+    /* Check the parameters of the bus, if there is one */
     const struct supply_bus *bus = &config->bus;
 
     if (!(bus->capacitance_f >= 0.0) || !isfinite(bus->capacitance_f)) {
@@ -133,7 +134,7 @@ static enum error_code check_plant_config(const struct plant_config *config, str
                          bus->on_v, bus->off_v, bus->brake_ohm, config->supply_v);
     }
 
-    /* Contact, and all objects attached to bodies */
+    /* Check contact, then the bodies */
     if ((config->contact != NULL) != (config->ncontact > 0)) {
         return error_set(error, ERROR_INPUT, "contact bodies: found %zu with %s contact engine",
                          config->ncontact, config->contact ? "a" : "no");
@@ -141,7 +142,7 @@ static enum error_code check_plant_config(const struct plant_config *config, str
     return check_plant_bodies(config, error);
 }
 
-/* Counts the actuators and lays out the flat state. */
+/* Counts the actuators and computes the layout of the flat state. */
 static void lay_out_state(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -267,7 +268,7 @@ static enum error_code create_whole_dynamics(struct plant *plant, struct arena *
     return dynamics_generic(all, arena, &plant->whole, error);
 }
 
-/* Finds which joint each drive, spring and cylinder is on. */
+/* Finds the joint of each drive, spring and cylinder. */
 static void number_actuators(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -323,7 +324,7 @@ enum error_code plant_create(const struct plant_config *config, struct arena *ar
         return code;
     }
 
-    /* Memory: the plant, its state and scratch, and the dynamics of all bodies */
+    /* Allocate the plant, its state and scratch, and the dynamics of all bodies */
     made = arena_alloc(arena, 1, sizeof *made);
     if (!made || !copy_plant_config(made, config, arena)) {
         return error_set(error, ERROR_MEMORY, "no memory for the plant of %s", robot->name);
@@ -336,7 +337,7 @@ enum error_code plant_create(const struct plant_config *config, struct arena *ar
         return code;
     }
 
-    /* Derived data, and the reset state */
+    /* Compute derived data, then set the reset state */
     number_actuators(made);
     if (made->implicit) {
         implicit_prepare_drives(made);

@@ -53,7 +53,7 @@ void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *
     static const struct contact_wrench none;
     size_t nbody = config->robot->nbody, count = nbody + config->nfree;
 
-    /* Contact, on the contact bodies */
+    /* Add the contact wrenches on the contact bodies */
     memset(plant->ext, 0, count * sizeof *plant->ext);
     for (size_t c = 0; c < config->ncontact; c++) {
         const struct contact_wrench *wrench = &plant->contact_wrench[c];
@@ -66,7 +66,7 @@ void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *
         }
     }
 
-    /* Pushes, on any body */
+    /* Add the pushes on all bodies */
     if (plant->pushing) {
         plant->whole.ops->kinematics(&plant->whole, plant->q, v, plant->whole_motion);
         for (size_t b = 0; b < count; b++) {
@@ -84,14 +84,14 @@ static void apply_joint_torques(struct plant *plant, const double *state)
     const struct robot *robot = plant->config.robot;
 
     memset(plant->tau, 0, robot->njoint * sizeof *plant->tau);
-    /* Electric and hydraulic drives */
+    /* Add the electric and hydraulic drives */
     for (size_t d = 0; d < plant->ndrive; d++) {
         plant->tau[plant->drive_joint[d]] += plant_drive_torque(plant, state, d);
     }
     for (size_t c = 0; c < plant->nhydraulic; c++) {
         plant->tau[plant->hydraulic_joint[c]] += plant_hydraulic_torque(plant, state, c);
     }
-    /* Parallel springs */
+    /* Add the parallel springs */
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
 
@@ -106,7 +106,7 @@ static void apply_joint_torques(struct plant *plant, const double *state)
             passive_torque(&robot->joint[j].passive, plant_joint_position(plant, state, j),
                            plant_joint_rate(plant, state, j));
     }
-    /* End stops, few of which are pressed; then couplings */
+    /* Add the end stops, of which few are pressed, then the couplings */
     for (size_t j = 0; j < robot->njoint; j++) {
         double depth = plant_joint_depth(plant, state, j);
 
@@ -116,7 +116,7 @@ static void apply_joint_torques(struct plant *plant, const double *state)
         }
     }
 
-    /* Adds the torques of joint couplings */
+    /* Add the torques of joint couplings */
     const double *q = state + plant->at.v - robot->njoint;
     const double *qd = state + plant->at.drive - robot->njoint;
 
@@ -130,8 +130,8 @@ static void apply_joint_torques(struct plant *plant, const double *state)
     }
 }
 
-/* Removes accelerations and wrenches of a clamped robot, because the clamp takes them, unless it
- * is balanced. Wrenches on free bodies stay. */
+/* Removes accelerations and wrenches of a clamped robot, because the clamp carries the loads. A
+ * balanced clamp carries no load, so the wrenches stay. Wrenches on free bodies stay. */
 static void remove_clamped_loads(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -261,7 +261,8 @@ void plant_derivative(void *context, double t, const double *state, double *deri
     (void)t; /* the command is held, so the time is not needed */
     memset(derivative, 0, plant->at.count * sizeof *derivative);
 
-    /* Accelerations; zero after a failure, also in the remaining stages of the step */
+    /* Compute the accelerations. After a failure they are zero, also in the remaining stages of the
+     * step */
     if (plant->step_code != ERROR_NONE) {
         return;
     }
@@ -271,12 +272,12 @@ void plant_derivative(void *context, double t, const double *state, double *deri
     }
     plant->account.load = load;
 
-    /* Rates of all parts of the state, in their order */
+    /* Compute the rates of all parts of the state, in the order of the state */
     dynamics_qdot(robot, plant->q, state + plant->at.v, derivative);
     memcpy(derivative + plant->at.v, plant->vdot, robot->nv * sizeof *derivative);
     derive_drives(plant, state, derivative, work);
 
-    /* The parallel springs, eq. (5), whose pretension moves at a constant rate */
+    /* Parallel springs, eq. (5): the pretension moves at a constant rate */
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
         const struct robot_parallel_spring *spring = &plant->config.robot->joint[j].spring;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Drives with effects in the plant's state, and the supply of the bridges. rk4 and dopri5 have no
- * events. Within a substep they integrate the smooth equations of the mode at its start. Values
- * that crossed zero in the substep are set to zero at its end.
+ * events. In a substep they integrate the smooth equations of the mode at the start of the substep.
+ * Values that crossed zero are set to zero at the end of the substep.
  */
 #include "model/plant_private.h"
 
@@ -91,7 +91,8 @@ void plant_effects_reset(struct plant *plant)
     }
 }
 
-/* Dead times per period: both half bridges switch, and each loses one against the current. */
+/* Number of dead times per period. Both half bridges switch, and each loses one dead time of
+ * voltage against the current. */
 #define DEAD_TIMES 2.0
 
 /* Returns the mean voltage lost to dead time at a supply voltage, V. */
@@ -112,7 +113,8 @@ double plant_holding_voltage(const struct plant *plant, size_t d, double I)
 }
 
 /* Returns the mean square of the current ripple of two half bridges that switch alternately, A^2.
- * For a part d of a period the winding has U - V, for the rest -V, with V = d U. */
+ * With V = d U, the voltage across the winding is U - V for the part d of a period, and -V for the
+ * remaining part. */
 static double ripple_square(const struct robot_sea *sea, double voltage, double supply)
 {
     const double d = supply > 0.0 ? fmin(1.0, fabs(voltage) / supply) : 1.0;
@@ -187,7 +189,7 @@ void plant_effects_begin(struct plant *plant)
     }
 }
 
-/* Sets a number of the state to zero; its energy counts as a loss. */
+/* Sets a number of the state to zero. The energy lost counts as a loss. */
 static void stop_at_zero(struct plant *plant, size_t at, double inertia, enum plant_work loss)
 {
     double *x = &plant->state[at];
@@ -242,8 +244,8 @@ static double plant_bridge_power(const struct plant *plant, const double *state)
     return power;
 }
 
-/* Returns the voltage of a source without a bus under load, V. Solves V = source - R P / V for V,
- * with the power P that the bridges take. Returns half of the source voltage if P exceeds the
+/* Returns the voltage of the supply under load, V. Without a bus, solves V = source - R P / V for
+ * V; P is the power that the bridges take. Returns half of the source voltage if P exceeds the
  * maximum power. */
 double plant_supply(const struct plant *plant)
 {

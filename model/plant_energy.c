@@ -14,17 +14,17 @@ double plant_stored_mechanical(struct plant *plant)
     const double *state = plant->state;
     double kinetic, potential, energy;
 
-    /* Motion and gravity, of the robot and of the free bodies */
+    /* Add motion and gravity of the robot and of the free bodies */
     plant_place(plant, state);
     dynamics->ops->energy(dynamics, plant->q, state + plant->at.v, &kinetic, &potential);
     energy = kinetic + potential;
     energy += plant_free_energy(plant, state);
-    /* Drives and cylinders */
+    /* Add the drives and cylinders */
     for (size_t d = 0; d < plant->ndrive; d++) {
         energy += plant_drive_energy(plant, state, d);
     }
     energy += plant_hydraulic_energy(plant, state);
-    /* Parallel and passive springs, stops and couplings */
+    /* Add parallel and passive springs, stops and couplings */
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
 
@@ -45,7 +45,7 @@ double plant_stored_mechanical(struct plant *plant)
         energy += coupling_energy(coupling,
                                   coupling_error(coupling, state + plant->at.v - robot->njoint));
     }
-    /* The bus, C V^2/2 */
+    /* Add the bus, C V^2/2 */
     if (plant->config.bus.capacitance_f > 0.0) {
         double V = state[plant->at.supply + SUPPLY_VOLTAGE];
 
@@ -54,7 +54,7 @@ double plant_stored_mechanical(struct plant *plant)
     return energy;
 }
 
-/* Computes the energy stored in contact, J: in layers as the engine reports it, and in
+/* Computes the energy stored in contact, J: in elastic layers, as the engine reports it, and in
  * bristles. */
 static enum error_code stored_contact(struct plant *plant, double *energy)
 {
@@ -82,8 +82,8 @@ static enum error_code stored_contact(struct plant *plant, double *energy)
         *energy += plant->patch[p].potential_j;
     }
 
-    /* The energy in bristles of pairs that no longer touch, J. They relax after some time, and push
-     * again if the surfaces meet before that. */
+    /* Add the energy in bristles of pairs that no longer touch, J. These bristles relax after some
+     * time. They push again if the surfaces meet before that */
     const double *y = plant->state + plant->at.bristle;
     double square = 0.0;
 
@@ -125,7 +125,7 @@ enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
     if (!plant->config.account_energy) {
         return ERROR_NONE;
     }
-    /* The integrals that the integrator has stored in the state */
+    /* Copy the integrals that the integrator stores in the state */
     energy->electrical_in = work[WORK_ELECTRICAL];
     energy->pretension_work = work[WORK_PRETENSION];
     energy->push_work = work[WORK_PUSH];
@@ -136,7 +136,7 @@ enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
     energy->stop_loss = work[WORK_STOPS];
     energy->contact_dissipation = 0.0 - work[WORK_CONTACT] - (contact - plant->start_contact);
     if (plant->nwork > WORK_GEAR) {
-        /* Fills in the accounts of effects and bus */
+        /* Copy the accounts of effects and bus */
         energy->gear_friction = work[WORK_GEAR];
         energy->gear_hysteresis = work[WORK_HYSTERESIS];
         energy->bridge_loss = work[WORK_BRIDGE];
@@ -147,14 +147,14 @@ enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
         }
     }
     if (plant->nhydraulic > 0) {
-        /* Fills in the accounts of hydraulic joints */
+        /* Copy the accounts of hydraulic joints */
         energy->hydraulic_in = work[WORK_HYDRAULIC];
         energy->orifice_loss = work[WORK_ORIFICE];
         energy->leakage_loss = work[WORK_LEAKAGE];
         energy->cylinder_friction = work[WORK_CYLINDER];
         energy->relief_loss = work[WORK_RELIEF];
     }
-    /* Input, minus growth of the stored energy, minus losses */
+    /* Balance: input, minus growth of the stored energy, minus losses */
     energy->balance = energy->electrical_in + energy->pretension_work + energy->push_work +
                       work[WORK_CONTACT] - (mechanical - plant->start_mechanical) -
                       energy->joule_heat - energy->motor_friction - energy->spring_damping -

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Free bodies: rigid bodies by Newton's and Euler's laws about their centers of mass, with the
- * state of enum plant_free_part. About the center of mass, a fall is a parabola, which Runge-Kutta
- * integrates exactly, and the inertia tensor is constant.
+ * state of enum plant_free_part. The center of mass falls on a parabola, which Runge-Kutta
+ * integrates exactly. The inertia tensor about it is constant.
  */
 #include "model/plant.h"
 
@@ -20,7 +20,7 @@ static double *free_body_state(const struct plant *plant, double *state, size_t 
     return state + plant->at.free + PLANT_FREE_STATE * body;
 }
 
-/* Returns the state of a free body, to read. */
+/* Returns the state of a free body, read-only. */
 static const double *free_body_view(const struct plant *plant, const double *state, size_t body)
 {
     return state + plant->at.free + PLANT_FREE_STATE * body;
@@ -36,7 +36,8 @@ static bool invert_inertia(const double S[6], double inverse[6])
                          S[1] * S[2] - S[0] * S[4], S[0] * S[3] - S[1] * S[1]};
     const double determinant = S[0] * C[0] + S[1] * C[1] + S[2] * C[2];
 
-    /* Pivots of an elimination from the last row up: S[5], C[0] / S[5], determinant / C[0] */
+    /* Check the pivots of an elimination from the last row up: S[5], C[0] / S[5], determinant /
+     * C[0] */
     if (!(S[5] > least && C[0] > least * S[5] && determinant > least * C[0])) {
         return false;
     }
@@ -122,7 +123,7 @@ void plant_free_place(struct plant *plant, const double *state)
         const double *y = free_body_view(plant, state, b);
         double arm[3];
 
-        /* The origin of its frame, which differs from the center of mass */
+        /* Compute the origin of the body's frame, which differs from the center of mass */
         mat3_from_quaternion(y + PLANT_FREE_QUATERNION, motion->R);
         mat3_apply(motion->R, plant->config.free[b].inertia.com, arm);
         mat3_apply(motion->R, y + PLANT_FREE_SPIN, motion->w);

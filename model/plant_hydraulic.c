@@ -158,7 +158,7 @@ void plant_hydraulic_derive(const struct plant *plant, const double *state, doub
             plant_hydraulic_account(&power, port.supply, work);
         }
     }
-    /* The common supply */
+    /* Compute the rate of the common supply */
     derivative[at] = hydraulic_supply_derive(&robot->hydraulic_supply, &plant->command.oil,
                                              state[at], drawn, &pump);
     if (work) {

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The plant's sensors: the reading of each sensor for the present state without errors.
- *
+ * Fills the plant's sensors with readings of the present state, without sensor errors.
  * Accelerations and contact wrenches follow from the state by the laws of motion and contact. After
- * an implicit step they are those of the step (model/implicit/implicit.h).
+ * an implicit step they come from that step (model/implicit/implicit.h).
  */
 #include "model/plant.h"
 
@@ -22,13 +21,13 @@ static const double magnetic_field_t[3] = {22.8e-6, 0.0, -41.1e-6};
 
 /* Motion of a sensor's frame, in its own axes. */
 struct frame_motion {
-    double R[9];           /* to the world */
+    double R[9];           /* sensor frame to world */
     double w[3], alpha[3]; /* rad/s, rad/s2 */
     double specific[3];    /* acceleration of the origin minus gravity, m/s2 */
 };
 
-/* Computes the acceleration of a point at offset r from the origin's acceleration and the
- * rotation. */
+/* Computes the acceleration of a point at offset r from the acceleration of the origin and the
+ * rotation of the body. */
 static void accelerate_point(const double a[3], const double w[3], const double alpha[3],
                              const double r[3], double out[3])
 {
@@ -71,8 +70,8 @@ static void sample_imu(const struct plant *plant, struct imu_sense *imu)
     quaternion_from_mat3(motion.R, imu->quaternion);
 }
 
-/* Computes the wrench at a force-torque sensor, by Newton and Euler for the distal part: external
- * wrench minus the wrench for weight and inertia. */
+/* Computes the wrench at a force-torque sensor by Newton's and Euler's laws for the distal part:
+ * external wrench minus the wrench of weight and inertia. */
 static void sample_ft_sensor(const struct plant *plant, const struct robot_ft_sensor *sensor,
                              struct ft_sense *ft)
 {
@@ -82,13 +81,13 @@ static void sample_ft_sensor(const struct plant *plant, const struct robot_ft_se
     struct frame_motion motion;
     double moment[3], a[3], force[3], spin[3], rate[3];
 
-    /* External wrench, moved from the body's origin to the sensor's */
+    /* Move the external wrench from the body's origin to the sensor's origin */
     memcpy(moment, ext->moment, sizeof moment);
     vec3_add_cross(ext->force, frame->position, moment);
     mat3_apply_transposed(frame->rotation, ext->force, ft->force_n);
     mat3_apply_transposed(frame->rotation, moment, ft->torque_nm);
 
-    /* Motion of the distal part */
+    /* Compute the motion of the distal part */
     observe_frame(plant, frame, &motion);
     accelerate_point(motion.specific, motion.w, motion.alpha, distal->com, a);
     for (int i = 0; i < 3; i++) {
@@ -122,9 +121,9 @@ void plant_raise_peak(struct plant *plant, size_t c, const struct contact_wrench
     }
 }
 
-/* Updates the peaks of a force-torque sensor with the contact peak of its body minus the contact
- * of the sample, by channel if that is more. The distal part is as rigid as the body and has the
- * inertial wrench of the sample. */
+/* Computes the peaks of a force-torque sensor: the reading with the contact peak of its body
+ * instead of the sampled contact, per channel if that is larger. The distal part is rigid and keeps
+ * the inertial wrench of the sample. */
 static void sample_ft_peak(const struct plant *plant, const struct robot_ft_sensor *sensor,
                            struct ft_sense *ft)
 {
@@ -153,7 +152,8 @@ static void sample_ft_peak(const struct plant *plant, const struct robot_ft_sens
     }
 }
 
-/* Fills the joints' readings. A joint without a drive reads as if its motor followed the link. */
+/* Fills the readings of the joints. The motor of a joint without a drive reads as if it followed
+ * the link. */
 static void sample_motors(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -171,7 +171,7 @@ static void sample_motors(struct plant *plant)
         motor[j].torque_nm = passive_torque(&robot->joint[j].passive, motor[j].q, motor[j].qd);
     }
 
-    /* Adds the coupling's torque on each follower */
+    /* Add the coupling's torque on each follower */
     const double *q = plant->state + plant->at.v - robot->njoint;
     const double *qd = plant->state + plant->at.drive - robot->njoint;
 
@@ -200,15 +200,16 @@ static void sample_motors(struct plant *plant)
     }
 }
 
-/* Computes vdot, ext and contact_wrench: those of the last implicit step, or from the laws. */
+/* Computes vdot, ext and contact_wrench, from the last implicit step or from the laws of motion and
+ * contact. */
 static enum error_code find_sampled_forces(struct plant *plant)
 {
     const struct dynamics *dynamics = plant->config.dynamics;
     const double *v = plant->state + plant->at.v;
     struct plant_load load = {0.0, 0.0};
 
-    /* Whether the present state is the result of an implicit step under the same pushes,
-     * and was not set or written since */
+    /* Use the forces of the implicit step, if the present state is its result under the same pushes
+     * and was not written afterwards */
     plant->sampled_step = plant->stepped && (!plant->handed_out ||
                                              memcmp(plant->state, plant->last_good,
                                                     plant->at.count * sizeof *plant->state) == 0);
@@ -233,7 +234,7 @@ enum error_code plant_sample(struct plant *plant)
     if (code != ERROR_NONE) {
         return code;
     }
-    /* Motions, accelerations and wrenches of the same state */
+    /* Sample motions, accelerations and wrenches of one state */
     if (!plant->sampled_step) {
         dynamics->ops->kinematics(dynamics, plant->q, v, plant->motion);
     }
@@ -248,7 +249,7 @@ enum error_code plant_sample(struct plant *plant)
     for (size_t c = 0; c < plant->config.ncontact; c++) {
         plant_raise_peak(plant, c, &plant->sampled_wrench[c]);
     }
-    /* Sensors that use them */
+    /* Fill the sensors from these samples */
     plant->sensors.time_ns = plant->time_ns;
     plant->sensors.supply_v = plant_supply(plant);
     sample_motors(plant);

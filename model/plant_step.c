@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Stepping of the plant: the command held over a step, the substeps, external settings (poses,
- * pushes, clamp, supply), and queries.
+ * Steps the plant: holds the command over a step and advances the substeps. Also has the external
+ * settings (poses, pushes, clamp, supply) and queries.
  */
 #include "model/plant.h"
 
@@ -20,26 +20,26 @@ static const char diverged[] =
     "the state is no longer finite: the substep is too long for the stiffness of the model, or an "
     "input is far out of range";
 
-/* Inertia of a fixed rotor, kg m2, so large that its position stays bit-identical with any
- * integrator. */
+/* Inertia of a fixed rotor, kg m2. It is so large that the rotor's position stays bit-identical
+ * with each integrator. */
 #define JAMMED_INERTIA 1e30
 
-/* Sets the parameters of a drive for its condition; lost energy counts as friction. */
+/* Sets the parameters of a drive for its condition. Lost energy counts as friction. */
 static void set_drive_condition(struct plant *plant, size_t d, unsigned condition)
 {
     size_t j = plant->drive_joint[d];
     double before = plant_drive_energy(plant, plant->state, d);
     struct robot_sea *sea = &plant->sea[d];
 
-    /* A rotor that jams, is imposed or is released has no speed */
+    /* Stop a rotor that jams, becomes imposed or is released */
     if ((condition ^ plant->condition[d]) & (DRIVE_JAM | DRIVE_IMPOSED)) {
         plant->state[plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED] = 0.0;
     }
     plant->condition[d] = condition;
-    plant->account.runs = false; /* parts that break or jam take energy away */
+    plant->account.runs = false; /* parts that break or jam remove energy */
     plant->lost[plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED] = 0.0;
 
-    /* Parameters of the drive without faults, minus the broken parts */
+    /* Start from the parameters without faults, then remove the broken parts */
     *sea = plant->config.robot->joint[j].sea;
     if (condition & DRIVE_SPRING_BREAK) {
         sea->Ks = sea->Ds = 0.0;
@@ -67,7 +67,7 @@ void plant_balance(struct plant *plant, bool balanced)
     }
 }
 
-/* Sets the command for the next steps, which last this many seconds in total. */
+/* Sets the command for the next steps. seconds: their total duration. */
 static void hold_command(struct plant *plant, double seconds)
 {
     double supply = plant_supply(plant);
@@ -79,12 +79,12 @@ static void hold_command(struct plant *plant, double seconds)
         double *I = &plant->state[plant_drive_offset(plant, d) + DRIVE_CURRENT];
         bool shorted = motor->condition & DRIVE_SHORT, open = motor->condition & DRIVE_OPEN_PHASE;
 
-        /* Voltage of the bridge at the winding */
+        /* Set the voltage of the bridge at the winding */
         if (motor->condition != plant->condition[d]) {
             set_drive_condition(plant, d, motor->condition);
         }
         if (motor->condition & DRIVE_IMPOSED) {
-            /* Sets the speed of an imposed rotor; its large inertia keeps the speed over the
+            /* Set the speed of an imposed rotor. Its large inertia keeps the speed during the
              * steps */
             size_t speed = plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED;
             bool led = !(motor->condition & DRIVE_JAM) && !plant->balanced;
@@ -110,7 +110,7 @@ static void hold_command(struct plant *plant, double seconds)
 
     plant_hydraulic_hold(plant);
 
-    /* Pretensions move at a constant rate and arrive at the end */
+    /* Pretensions move at a constant rate and reach the command at the end of the steps */
     for (size_t s = 0; s < plant->nspring; s++) {
         double goal = plant->command.motor[plant->spring_joint[s]].pretension_m;
 
@@ -133,7 +133,7 @@ static bool state_is_finite(const struct plant *plant)
     const double *y = plant->state + plant->at.bristle;
     double sum = 0.0;
 
-    /* 0 times a number that is not finite is NAN, and so is any sum with it */
+    /* 0 times a number that is not finite is NAN, so the sum becomes NAN */
 #pragma GCC unroll 8
     for (size_t i = 0; i < plant->at.bristle; i++) {
         sum += 0.0 * plant->state[i];
@@ -186,7 +186,7 @@ static enum error_code advance_substep(struct plant *plant)
         plant_return_state(plant);
         return code;
     }
-    /* Normalizes quaternions */
+    /* Normalize the quaternions */
     if (plant->config.robot->floating) {
         plant_normalize_quaternion(plant->state + BASE_Q_QUATERNION);
     }
@@ -216,7 +216,7 @@ enum error_code plant_step(struct plant *plant, size_t steps)
     plant_drop_bristles(plant);
     plant->stepped = plant->config.integrator == PLANT_IMPLICIT && !plant->clamped;
     if (plant->handed_out) {
-        plant_keep_state(plant); /* to detect whether a caller writes the state */
+        plant_keep_state(plant); /* to detect later whether a caller has written the state */
     }
     return ERROR_NONE;
 }
@@ -228,7 +228,7 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
     size_t njoint = robot->njoint;
     enum error_code code;
 
-    /* Pose of the base and of the joints, everything at rest */
+    /* Set the pose of the base and of the joints, at rest */
     memset(plant->state, 0, plant->at.count * sizeof *plant->state);
     memset(plant->lost, 0, plant->at.count * sizeof *plant->lost);
     plant->nlive = 0;
@@ -239,8 +239,8 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
     }
     memcpy(plant->state + plant->at.v - njoint, joint, njoint * sizeof *joint);
 
-    /* Drives without faults with relaxed springs, commanded pretensions, free bodies at their
-     * starts */
+    /* Reset the drives (no faults, relaxed springs), the pretensions (as commanded) and the free
+     * bodies (at their starts) */
     for (size_t d = 0; d < plant->ndrive; d++) {
         plant->state[plant_drive_offset(plant, d) + DRIVE_MOTOR_POSITION] =
             joint[plant->drive_joint[d]];
@@ -258,7 +258,7 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
     plant_hydraulic_reset(plant);
     memset(plant->pretension_rate, 0, plant->nspring * sizeof *plant->pretension_rate);
 
-    /* No external forces, and no memory of an earlier run */
+    /* Remove external forces, and data of an earlier run */
     memset(plant->push, 0, (robot->nbody + plant->config.nfree) * sizeof *plant->push);
     plant->pushing = false;
     plant->stepped = false;

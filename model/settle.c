@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Finds the static equilibrium of the plant: the bodies whose rest is unknown, the causes of
- * refusal, and the drive states that hold the equilibrium. settle_newton.c has the steps of the
- * iteration.
+ * Finds the static equilibrium of the plant. Lists the bodies with unknown positions at rest, finds
+ * the causes of refusal, and sets the drive states that hold the equilibrium. settle_newton.c has
+ * the steps of the iteration.
  */
 #include "model/settle.h"
 
@@ -17,10 +17,13 @@
 
 enum { ITERATIONS = 400, LEANINGS = 40 };
 
-/* Forces relative to the weight: target of the iteration; limit accepted if steps no longer help,
- * because friction yields on one side of the equilibrium and sticks on the other; limit of an
- * equilibrium; allowed sideways force for friction that does not hold at rest; smallest force that
- * must be held. */
+/* Limits of remaining forces, relative to the weight.
+ * TARGET: end of the iteration.
+ * STALLED: end of the iteration if steps no longer help, because friction yields on one side of
+ * the equilibrium and sticks on the other.
+ * ACCEPTED: largest force at an equilibrium.
+ * SIDEWAYS: largest sideways force if friction holds nothing at rest.
+ * LEVEL: smaller sideways forces count as zero. */
 #define TARGET 1e-11
 #define STALLED 1e-9
 #define ACCEPTED 1e-7
@@ -99,7 +102,8 @@ static enum error_code refuse_toppling(const struct settle *s, struct error *err
                      s->rest[s->weak].name);
 }
 
-/* Puts before a cause that the search did not converge, because it may not be the true one. */
+/* Prefixes an error with the note that the search did not converge, because its cause may be
+ * wrong. */
 static enum error_code not_converged(const struct settled *settled, struct error *error)
 {
     return error_prefix(error,
@@ -122,7 +126,7 @@ static enum error_code iterate_to_rest(struct settle *s, struct settled *settled
         goto fail;
     }
 
-    /* Damped Newton steps until the residual is small or no step helps */
+    /* Take damped Newton steps until the residual is small or no step helps */
     for (settled->iterations = 0;; settled->iterations++) {
         double damping;
 
@@ -148,7 +152,7 @@ static enum error_code iterate_to_rest(struct settle *s, struct settled *settled
         }
     }
 
-    /* No equilibrium: finds the cause */
+    /* Without an equilibrium, find the cause */
     if (settled->residual <= ACCEPTED) {
         return ERROR_NONE;
     }
@@ -165,14 +169,14 @@ fail:
     return engine_failed(s, code, error);
 }
 
-/* Refuses equilibria that the iteration cannot detect: unstable ones, and those with forces across
- * gravity that are not unknowns. */
+/* Refuses equilibria that the iteration accepts by mistake: unstable equilibria, and equilibria
+ * with sideways forces when sideways motion is not an unknown. */
 static enum error_code check_equilibrium(struct settle *s, struct settled *settled,
                                          struct error *error)
 {
     enum error_code code;
 
-    /* Stable: the tangent at rest is positive definite */
+    /* An equilibrium is stable if the tangent at rest is positive definite */
     if ((code = settle_differentiate(s)) || (code = settle_weigh(s, s->g))) {
         return engine_failed(s, code, error);
     }
@@ -180,7 +184,7 @@ static enum error_code check_equilibrium(struct settle *s, struct settled *settl
         return refuse_toppling(s, error);
     }
 
-    /* Sideways forces are within the allowed friction */
+    /* Check that sideways forces are within the allowed friction */
     settled->sideways = 0.0;
     for (size_t b = 0; b < s->nrest; b++) {
         const struct rest *rest = &s->rest[b];
@@ -237,7 +241,8 @@ static double drive_torque(const struct settle *s, size_t j)
                              plant_joint_depth(plant, plant->state, j), 0.0);
 }
 
-/* Returns whether only a passive spring, and possibly stops, hold joint j. */
+/* Returns whether joint j has a passive spring, but no drive and no coupling. Stops may hold it
+ * too. */
 static bool is_sprung(const struct settle *s, size_t j)
 {
     const struct robot *robot = s->plant->config.robot;
@@ -294,9 +299,8 @@ static bool lean_on_passive(struct settle *s, double least)
     return moved;
 }
 
-/* Moves joints without a drive that are at a limit until the stop carries the remaining torque;
- * also followers and joints with a passive spring. plant->ext must be that at rest. Returns true
- * if a joint has moved. */
+/* Moves joints without a drive until their stops, couplings or passive springs carry the remaining
+ * torque. plant->ext must have the wrenches at rest. Returns true if a joint has moved. */
 static bool lean_on_stops(struct settle *s)
 {
     struct plant *plant = s->plant;
@@ -317,7 +321,7 @@ static bool lean_on_stops(struct settle *s)
             continue;
         }
 
-        /* Deeper into the pressed stop, or partly out of it */
+        /* Move deeper into the pressed stop, or partly out of it */
         past = plant_joint_depth(plant, plant->state, j) - left / joint->stop.stiffness;
         if (past > 0.0 && *q >= joint->upper) {
             *q = joint->upper + past;
@@ -330,7 +334,7 @@ static bool lean_on_stops(struct settle *s)
     return moved;
 }
 
-/* Checks that a joint without a drive carries nothing, and that a motor needs no more voltage than
+/* Checks that a joint without a drive needs no torque, and that a motor needs no more voltage than
  * the supply has. */
 static enum error_code check_joint_load(const struct settle *s, size_t j, double tau,
                                         struct error *error)
@@ -352,8 +356,8 @@ static enum error_code check_joint_load(const struct settle *s, size_t j, double
     return ERROR_NONE;
 }
 
-/* Sets the drives' states for their loads at rest: spring deflections, currents and voltages by
- * eqs (2) to (4), and oil pressures. plant->ext must be that of the equilibrium. */
+/* Sets the drives' states for their loads at rest: spring deflections, currents and voltages by eqs
+ * (2) to (4), and oil pressures. plant->ext must have the wrenches at the equilibrium. */
 static enum error_code load_drives(struct settle *s, struct error *error)
 {
     struct plant *plant = s->plant;
@@ -368,7 +372,7 @@ static enum error_code load_drives(struct settle *s, struct error *error)
         }
     }
 
-    /* tau = Ks (qm - q) plus the stop, Kt I = tau, V = R I */
+    /* Electric drives: tau = Ks (qm - q) plus the stop, Kt I = tau, V = R I */
     for (size_t d = 0; d < plant->ndrive; d++) {
         size_t j = plant->drive_joint[d];
         const struct robot_sea *sea = &robot->joint[j].sea;
@@ -384,7 +388,7 @@ static enum error_code load_drives(struct settle *s, struct error *error)
         plant->command.motor[j].voltage_v = plant->voltage[d];
     }
 
-    /* Closed valves keep the pressures under the pistons' loads */
+    /* Hydraulic joints: closed valves keep the pressures that carry the loads */
     for (size_t c = 0; c < plant->nhydraulic; c++) {
         size_t j = plant->hydraulic_joint[c];
         double tau = drive_torque(s, j);
@@ -422,8 +426,8 @@ static double gyration_radius(struct plant *plant)
     return sqrt(sum / robot->total_mass);
 }
 
-/* Lists the bodies whose rest is unknown: a floating robot, and free bodies that start without
- * velocity. */
+/* Lists the bodies with an unknown position at rest: a floating robot, and free bodies that start
+ * without velocity. */
 static void list_resting_bodies(struct settle *s)
 {
     struct plant *plant = s->plant;
@@ -482,7 +486,8 @@ static enum error_code find_equilibrium(struct settle *s, bool holds, struct set
 {
     enum error_code code;
 
-    /* Joints that press their stops shift the weight, less in each round */
+    /* Repeat the search, because joints that lean on stops shift the weight. The shift decreases in
+     * each round */
     settle_begin(s, holds);
     for (int k = 0; k == 0 || lean_on_stops(s); k++) {
         if (k == LEANINGS) {
@@ -506,10 +511,11 @@ static enum error_code find_equilibrium(struct settle *s, bool holds, struct set
     return ERROR_NONE;
 }
 
-/* Finds which body would slide if no equilibrium with friction was found. Once a body slides, the
- * search fails in many ways with meaningless forces. But if the bodies have an equilibrium without
- * friction except for sideways forces, the slope under each body is known, and the steepest slope
- * that friction holds can be measured. Keeps the old error if no body is on a steeper slope. */
+/* Finds the body that would slide, after the search with friction has failed. When a body slides,
+ * the forces of the failed search are meaningless. So the search is repeated without friction. If
+ * only sideways forces remain, they give the slope under each body. The steepest slope that
+ * friction holds is then measured for the body. If no body is on a steeper slope, the old error
+ * stays. */
 static void find_sliding_body(struct settle *s, const double *start, struct error *error)
 {
     struct settled unused = {0};
@@ -542,8 +548,8 @@ static void find_sliding_body(struct settle *s, const double *start, struct erro
     }
 }
 
-/* Finds the rest without friction if that is an equilibrium, so that legs do not push against each
- * other. Otherwise, if friction sticks, finds the rest with friction. */
+/* Finds the equilibrium without friction, so that legs do not push against each other. If there is
+ * none and friction sticks, finds the equilibrium with friction. */
 static enum error_code find_rest(struct settle *s, const double *start, struct settled *settled,
                                  struct error *error)
 {
@@ -579,7 +585,7 @@ enum error_code plant_settle(struct plant *plant, struct arena *arena, struct se
         return error_set(error, ERROR_INPUT, "nothing comes to rest without gravity");
     }
 
-    /* Computes up, against gravity, and two directions across */
+    /* Compute the direction up, against gravity, and two directions across it */
     double length = sqrt(vec3_dot(robot->gravity, robot->gravity));
     int least = 0;
     double pick[3] = {0.0, 0.0, 0.0};
@@ -598,7 +604,7 @@ enum error_code plant_settle(struct plant *plant, struct arena *arena, struct se
     plant_find_bristles(plant);
     memcpy(start, plant->state, plant->at.count * sizeof *start);
 
-    /* Unclamps during the search, because a clamped robot feels no support */
+    /* Unclamp during the search, because supports do not act on a clamped robot */
     plant->clamped = false;
     list_resting_bodies(&s);
     code = find_rest(&s, start, settled, error);
@@ -612,7 +618,7 @@ enum error_code plant_settle(struct plant *plant, struct arena *arena, struct se
         return code;
     }
 
-    /* The equilibrium becomes the start */
+    /* Make the equilibrium the start */
     plant_balance(plant, clamped);
     if ((code = plant_restart_energy(plant)) || (code = plant_sample(plant))) {
         return engine_failed(&s, code, error);

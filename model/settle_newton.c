@@ -29,8 +29,7 @@ enum { HALVINGS = 40 }; /* largest number of halvings of a step */
 
 /* ---- geometry ---- */
 
-/* Rotates a quaternion in the world: quaternion <- rotation by the vector angle (world frame)
- * after quaternion. */
+/* Rotates a quaternion by the rotation vector `angle` in the world frame. */
 static void turn_quaternion_in_world(const double angle[3], double quaternion[4])
 {
     double size = sqrt(vec3_dot(angle, angle));
@@ -46,8 +45,7 @@ static void turn_quaternion_in_world(const double angle[3], double quaternion[4]
     plant_normalize_quaternion(quaternion);
 }
 
-/* Writes the velocities of a motion, world frame, into the state y of the robot or of a free
- * body. */
+/* Writes velocities given in the world frame to the state y of the robot or of a free body. */
 static void set_velocity(const struct plant *plant, const struct rest *rest, const double v[3],
                          const double w[3], double *y)
 {
@@ -66,8 +64,8 @@ static void set_velocity(const struct plant *plant, const struct rest *rest, con
     }
 }
 
-/* Moves each body by scale times x. With sticking friction, sets the velocities of this motion
- * over AHEAD_S. */
+/* Moves each body by scale times x. With sticking friction, also sets the velocities of this motion
+ * over the time AHEAD_S. */
 static void move_bodies(struct settle *s, double scale, const double *x)
 {
     for (size_t b = 0; b < s->nrest; b++, x += s->unknowns) {
@@ -79,11 +77,11 @@ static void move_bodies(struct settle *s, double scale, const double *x)
         for (size_t k = 0; k < s->unknowns; k++) {
             part[k] = scale * x[k];
         }
-        /* The total displacement of each body */
+        /* Sum the displacement of each body */
         rest->risen += part[UNKNOWN_UP];
         rest->moved[0] += part[UNKNOWN_FIRST_ACROSS];
         rest->moved[1] += part[UNKNOWN_SECOND_ACROSS];
-        /* Converts unknowns to a translation and a rotation in the world */
+        /* Convert the unknowns to a translation and a rotation in the world frame */
         for (int i = 0; i < 3; i++) {
             way[i] = part[UNKNOWN_UP] * s->up[i] + part[UNKNOWN_FIRST_ACROSS] * s->across[0][i] +
                      part[UNKNOWN_SECOND_ACROSS] * s->across[1][i];
@@ -104,7 +102,8 @@ static void move_bodies(struct settle *s, double scale, const double *x)
     }
 }
 
-/* Ends the last evaluated motion: keeps the bristles that it has bent, and stops the bodies. */
+/* Ends the last evaluated motion: stores the bristles as bent by this motion, and stops the
+ * bodies. */
 static void stop_bodies(struct settle *s)
 {
     static const double none[3];
@@ -174,7 +173,7 @@ enum error_code settle_weigh(struct settle *s, double *g)
         if (rest->robot) {
             settle_weigh_robot(s, rest);
         } else {
-            /* Computes the remaining force and moment on a free body about its center of mass,
+            /* Compute the remaining force and moment on the free body about its center of mass,
              * world frame */
             const struct plant *plant = s->plant;
             const struct robot_inertia *inertia = &plant->config.free[rest->free].inertia;
@@ -229,7 +228,7 @@ enum error_code settle_differentiate(struct settle *s)
         for (int side = -1; side <= 1; side += 2) {
             enum error_code code;
 
-            /* Forces on this side of the unknown; then restores the state exactly */
+            /* Evaluate the forces on this side of the unknown, then restore the state exactly */
             move_bodies(s, side, s->step);
             code = settle_weigh(s, s->ahead);
             move_bodies(s, -side, s->step);
@@ -238,7 +237,7 @@ enum error_code settle_differentiate(struct settle *s)
                 return code;
             }
 
-            /* Adds half of the difference to the column and half to the row, for the symmetric
+            /* Add half of the difference to the column and half to the row, to get the symmetric
              * part */
             for (size_t row = 0; row < n; row++) {
                 double half = -0.25 * side * s->ahead[row] / DIFFERENCE;
@@ -257,7 +256,7 @@ bool settle_factorize(struct settle *s, double damping)
     double *L = s->factor;
 
     memcpy(L, s->K, n * n * sizeof *L);
-    /* Damping on the diagonal: one weight per length */
+    /* Add the damping to the diagonal: one weight per length */
     for (size_t i = 0; i < n; i++) {
         L[i * n + i] += damping * s->rest[i / s->unknowns].weight / DAMPING_LENGTH;
     }
@@ -302,7 +301,7 @@ void settle_solve(struct settle *s)
         longest = fmax(longest, fabs(x[row]));
     }
 
-    /* Limits the step to the range of the linear model */
+    /* Limit the step to the range of the linear model */
     for (size_t i = 0; longest > LONGEST_STEP && i < n; i++) {
         x[i] *= LONGEST_STEP / longest;
     }
@@ -310,7 +309,7 @@ void settle_solve(struct settle *s)
 
 /* ---- the step ---- */
 
-/* Computes the potential energy of the present state, *stored, J. */
+/* Computes *stored, the potential energy of the present state, J. */
 static enum error_code stored_potential(struct settle *s, double *stored)
 {
     struct plant_energy energy;
@@ -340,14 +339,14 @@ enum error_code settle_advance(struct settle *s, bool *moved)
         if (!code) {
             code = stored_potential(s, &stored);
         }
-        /* Better: a smaller residual or a lower potential */
+        /* The step is better if it has a smaller residual or a lower potential */
         if (!code && (settle_residual(s, s->ahead, &worst) < norm || stored < start)) {
             memcpy(s->g, s->ahead, s->n * sizeof *s->g);
             *moved = true;
             return ERROR_NONE;
         }
 
-        /* Not better: restores the state exactly and halves the step */
+        /* Not better: restore the state exactly and halve the step */
         move_bodies(s, -scale, s->step);
         memcpy(s->plant->state, s->before, bytes);
         if (code) {
@@ -370,7 +369,8 @@ enum error_code settle_friction_angle(struct settle *s, size_t body, double *ang
         return code;
     }
 
-    /* Without friction the support pushes perpendicular to the slope, so the slope is known */
+    /* Without friction the support pushes perpendicular to the slope. So the forces give the
+     * slope */
     push[0] = vec3_dot(rest->force, s->across[0]);
     push[1] = vec3_dot(rest->force, s->across[1]);
     side = sqrt(push[0] * push[0] + push[1] * push[1]);
@@ -382,7 +382,7 @@ enum error_code settle_friction_angle(struct settle *s, size_t body, double *ang
             portable_sin(slope) * s->up[i];
     }
 
-    /* Moves down the slope until all bristles slip */
+    /* Move down the slope until all bristles slip */
     memcpy(s->before, s->plant->state, bytes);
     s->holds = true;
     s->unknowns = UNKNOWNS;
@@ -398,7 +398,7 @@ enum error_code settle_friction_angle(struct settle *s, size_t body, double *ang
         return code;
     }
 
-    /* The resisting force over the pressing force */
+    /* The angle follows from the resisting force over the pressing force */
     for (int i = 0; i < 3; i++) {
         load[i] = rest->force[i] + rest->weight * s->up[i];
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The laws of mechanical stops, with their implicit step, and of passive joints. */
+/* Computes mechanical stops, their implicit steps, and passive joints. */
 #include "model/stop.h"
 
 #include <math.h>
@@ -9,7 +9,8 @@ double stop_depth(double lower, double upper, double x)
     return x > upper ? x - upper : x < lower ? x - lower : 0.0;
 }
 
-/* Returns the argument k x + d x' of the law F = max(0, k x + d x'), with the depth's sign. */
+/* Returns k x + d x', the argument of the law F = max(0, k x + d x'). If the stop pushes, its sign
+ * is the sign of the depth. */
 static double press_stop(const struct robot_stop *stop, double depth, double rate)
 {
     return stop->stiffness * depth + stop->damping * rate;
@@ -32,9 +33,9 @@ double stop_loss(const struct robot_stop *stop, double depth, double rate)
     return -(stop_torque(stop, depth, rate) + stop->stiffness * depth) * rate;
 }
 
-/* Engages a stop on one side. Its force at the end of the step, with the rate r' = r + h a, is k
- * (depth + h r') + d r'. This is the force without acceleration, k (depth + h r) + d r, plus (d +
- * h k) h a. */
+/* Engages a stop on one side. The rate at the end of the step is r' = r + h a. So the force there
+ * is k (depth + h r') + d r'. It is the force without acceleration, k (depth + h r) + d r, plus (d
+ * + h k) h a. */
 static void engage_stop(const struct robot_stop *stop, double limit, double x, double rate,
                         double h, int side, struct stop_step *step)
 {
@@ -66,14 +67,14 @@ bool stop_step_revise(const struct robot_stop *stop, double lower, double upper,
 {
     double end = rate + h * a, depth = stop_depth(lower, upper, x + h * end);
 
-    /* Releases a stop that pulls */
+    /* Release a stop that pulls */
     if (step->side != 0 && !step->left &&
         step->side * (step->torque - step->extra * a + step->earlier) > 0.0) {
         *step = (struct stop_step){.engaged = step->engaged, .left = true};
         return true;
     }
 
-    /* Engages a stop that is missing */
+    /* Engage a stop that is missing */
     if (step->side == 0 && !step->left && !step->engaged && stop_torque(stop, depth, end) != 0.0) {
         engage_stop(stop, depth > 0.0 ? upper : lower, x, rate, h, depth > 0.0 ? 1 : -1, step);
         step->engaged = true;
