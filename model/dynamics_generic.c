@@ -139,7 +139,7 @@ static void add_observed_inertia(const struct dynamics *d, const double up[3],
             continue;
         }
 
-        /* Unpacks an added inertia and rotates it into the body's inner frame */
+        /* Unpack the added inertia and rotate it into the body's inner frame */
         spatial_inertia_unpack((added++)->A, &A);
         if (link->inner) {
             double body_to_inner[9];
@@ -232,7 +232,8 @@ static void generic_inverse(const struct dynamics *d, const double *q, const dou
     struct link_state *state = g->state;
     double up[3];
 
-    /* Outward: velocities and accelerations, then the force for each body's motion */
+    /* Outward: compute velocities and accelerations, then the force that each body's motion
+     * needs */
     gravity_up(d, q, up);
     sweep_velocity(d, q, v);
     sweep_acceleration(d, vdot, up);
@@ -262,7 +263,7 @@ static void generic_inverse(const struct dynamics *d, const double *q, const dou
     }
 }
 
-/* Computes poses and velocities of all bodies, in their own frames (struct dynamics_ops). */
+/* Computes poses and velocities of the frames of all bodies (struct dynamics_ops). */
 static void generic_kinematics(const struct dynamics *d, const double *q, const double *v,
                                struct body_motion *motion)
 {

@@ -84,8 +84,8 @@ struct robot_thermal {
  * share of each torque at any speed; an additional share near rest; a share of the squares if the
  * two torques oppose each other. Zero = off. */
 struct robot_load_friction {
-    double motor, external; /* shares at any speed, 1 */
-    /* shares added at rest, falling with the Stribeck curve, 1 */
+    double motor, external; /* shares at each speed, 1 */
+    /* additional shares at rest, which fall with the Stribeck curve, 1 */
     double motor_stribeck, external_stribeck;
     double motor_quadratic, external_quadratic; /* shares of the squares at rest, 1/(N m) */
 };

@@ -167,7 +167,7 @@ static inline void spatial_inertia_solve(const struct spatial_inertia *A, const 
 {
     double L[6][6], inverse[6], x[6];
 
-    /* The matrix and the right-hand side in one array */
+    /* Copy the matrix and the right-hand side to one array */
     for (int row = 0; row < 3; row++) {
         for (int column = 0; column < 3; column++) {
             L[row][column] = A->J[sym3_index[row][column]];
@@ -178,7 +178,7 @@ static inline void spatial_inertia_solve(const struct spatial_inertia *A, const 
         x[row + 3] = f->l[row];
     }
 
-    /* L, column by column */
+    /* Compute L, column by column */
     for (int column = 0; column < 6; column++) {
         for (int m = 0; m < column; m++) {
             for (int row = column; row < 6; row++) {
@@ -191,7 +191,7 @@ static inline void spatial_inertia_solve(const struct spatial_inertia *A, const 
         }
     }
 
-    /* L y = f, then L^T v = y */
+    /* Solve L y = f, then L^T v = y */
     for (int row = 0; row < 6; row++) {
         for (int m = 0; m < row; m++) {
             x[row] -= L[row][m] * x[m];

@@ -51,7 +51,7 @@ void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, 
 {
     double tau = sea_torque(sea, state, q, qd);
 
-    /* Eqs (2) and (4) */
+    /* Compute the derivatives by eqs (2) and (4) */
     derivative->qm = state->qmd;
     derivative->qmd = (sea->Kt * state->I - sea->Dm * state->qmd - tau) / sea->J;
     derivative->I = bridge_on ? (V - sea->R * state->I - sea->Kw * state->qmd) / sea->L : 0.0;

@@ -139,8 +139,9 @@ struct implicit {
     /* By joint coupling */
     /* compliance: 1 / (h (D + h K)); pull: compliance times the force for a = 0 */
     double *compliance, *pull;
-    double *column, *factor; /* nv numbers per coupling; factor of all couplings: coupling.h */
-    double *force;           /* N m or N */
+    /* column: nv numbers per coupling; factor: n x n; see model/coupling.h */
+    double *column, *factor;
+    double *force; /* N m or N */
 
     /* Contact */
     size_t nactive;

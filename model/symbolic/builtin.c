@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The modules generated when the program was built. */
+/* Finds modules that were generated when the program was built. */
 #include "model/symbolic/symbolic.h"
 
 /* The build writes MODULE(NAME_dynamics) for each module */

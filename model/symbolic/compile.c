@@ -34,7 +34,7 @@ static enum error_code compile_in(const char *folder, const struct robot *robot,
     status = code ? 0 : system(command);
     library->handle = code || status ? NULL : dlopen(output, RTLD_NOW | RTLD_LOCAL);
 
-    /* A loaded module works without its files */
+    /* Remove the files; a loaded module does not need them */
     unlink(source);
     unlink(output);
     symbolic_symbol(robot, symbol);

@@ -7,9 +7,9 @@
  *   (Newton-Euler with G = [alpha] + [w][w], force m a + G h, moment
  *   h x a + skew(G K)). The rest is linear in the accelerations, so the articulated-body recursion
  *   needs no bias accelerations.
- * - After a joint is eliminated its own row of the articulated inertia is zero and stays unwritten.
- * - Gravity and -w x v are added to the base's acceleration at the end: a uniform field does not
- *   move the joints of a free robot.
+ * - After a joint is eliminated, its own row of the articulated inertia is zero and gets no code.
+ * - Gravity and -w x v are added to the base's acceleration at the end, because a uniform field
+ *   does not move the joints of a free robot.
  */
 #include "model/symbolic/derive_private.h"
 
@@ -64,7 +64,8 @@ static void rate_matrix(struct derive *d, struct state *state)
     }
 }
 
-/* Computes the parents' velocity and accelerations at the group's origins, in the bodies' axes. */
+/* Computes the parents' velocity and accelerations at the origins of the group's bodies, in the
+ * bodies' axes. */
 static void motion_from_parent(struct derive *d, size_t group)
 {
     struct state *state = &d->state[group];
@@ -80,7 +81,7 @@ static void motion_from_parent(struct derive *d, size_t group)
         for (int n = 0; n < 3; n++) {
             size_t element = STATE(G[0][0]) + (size_t)(3 * m + n) * sizeof(expr);
 
-            /* Acceleration of the origin: a + G r */
+            /* Add the acceleration of the origin: a + G r */
             if (r[n] != EXPR_ZERO) {
                 expr G = derive_from_parent(d, group, element);
 
@@ -93,7 +94,7 @@ static void motion_from_parent(struct derive *d, size_t group)
     derive_vector_down(d, group, state->a);
 }
 
-/* Computes velocity and accelerations from the parents' (Newton-Euler, outward). given: also adds
+/* Computes velocity and accelerations from the parents (Newton-Euler, outward). given: also adds
  * the joints' own accelerations. */
 static void motion_outward(struct derive *d, size_t group, bool given)
 {
@@ -151,7 +152,7 @@ static void body_force(struct derive *d, size_t group, bool ext)
     }
     derive_add_cross(d, state->n, h, state->a);
     if (ext) {
-        /* Subtracts the external wrench on the group's bodies, in their working frames */
+        /* Subtract the external wrenches on the group's bodies, in their working frames */
         const struct tree_group *lanes = &d->tree->group[group];
 
         expr lane[6][TREE_LANES];
@@ -202,8 +203,8 @@ static void force_inward(struct derive *d, size_t group, expr n[3], expr f[3])
     }
 }
 
-/* Eliminates the joint's own motion from inertia A and the bias force in it: D = S^T A S, U = A
- * S, u = tau - S^T p; A - U U^T / D, p + U u / D. */
+/* Eliminates the joint's own motion from the inertia A and from the bias force p: A <- A - U U^T /
+ * D and p <- p + U u / D, with D = S^T A S, U = A S, u = tau - S^T p. */
 static void eliminate_joint(struct derive *d, size_t group, struct state *A)
 {
     const struct tree_body *body = derive_first_body(d, group);
@@ -212,7 +213,7 @@ static void eliminate_joint(struct derive *d, size_t group, struct state *A)
     int own = body->axis + (body->prismatic ? 3 : 0);
     expr U[6], *bias[6], D, invert, tau = derive_signed_input(d, group, DERIVE_TAU, 0);
 
-    /* U, D and the joint's component of the bias force */
+    /* Compute U, D and the joint's component of the bias force */
     for (int m = 0; m < 6; m++) {
         U[m] = *derive_inertia_element(A, own, m);
     }
@@ -227,7 +228,7 @@ static void eliminate_joint(struct derive *d, size_t group, struct state *A)
         state->ratio[m] = mul(d, U[m], invert);
     }
 
-    /* A - U U^T / D, p + U u / D */
+    /* Compute A - U U^T / D and p + U u / D */
     for (int a = 0; a < 6; a++) {
         /* Without added inertia the joint's own row becomes zero and its own force becomes tau */
         bool gone = a == own && !added;
@@ -245,14 +246,14 @@ static void eliminate_joint(struct derive *d, size_t group, struct state *A)
     }
 }
 
-/* Eliminates the group's joints and adds the remaining inertia and force to the parents. */
+/* Eliminates the group's joints. Adds the remaining inertia and force to the parents. */
 static void articulated_inward(struct derive *d, size_t group)
 {
     struct state A = d->state[group];
 
     eliminate_joint(d, group, &A);
 
-    /* Transforms inertia A from the bodies' frames to the parents' */
+    /* Transform the inertia A from the bodies' frames to the parents' frames */
     const struct tree_body *body = derive_first_body(d, group);
 
     expr r[3];
@@ -296,7 +297,7 @@ static void solve_base(struct derive *d)
         out[3 + m] = &base->dl[m];
     }
 
-    /* Elimination, row by row in that order */
+    /* Eliminate row by row, in the order linear, angular */
     for (int step = 0; step < 6; step++) {
         int own = order[step];
         expr invert = graph_invert(d->g, *derive_inertia_element(&A, own, own));
@@ -328,8 +329,8 @@ static void solve_base(struct derive *d)
     }
 }
 
-/* Computes and returns the joints' accelerations, and computes the bodies' accelerations from
- * their parents'. */
+/* Returns the joints' accelerations. Computes the bodies' accelerations from the parents'
+ * accelerations. */
 static expr acceleration_outward(struct derive *d, size_t group)
 {
     const struct tree_body *body = derive_first_body(d, group);
@@ -339,7 +340,7 @@ static expr acceleration_outward(struct derive *d, size_t group)
     expr r[3], sum = state->x, before, *element[6];
     expr part[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
 
-    /* The parent's acceleration, at the body's origin and in its axes */
+    /* Compute the parent's acceleration at the body's origin, in the body's axes */
     derive_origin(d, group, r);
     for (int m = 0; m < 3; m++) {
         state->da[m] = derive_from_parent(d, group, STATE(da[0]) + (size_t)m * sizeof(expr));
@@ -357,9 +358,9 @@ static expr acceleration_outward(struct derive *d, size_t group)
         derive_add_cross(d, state->dl, state->da, way);
     }
 
-    /* The joint's acceleration: its remaining force minus the part used by the body's
-     * acceleration. Three short sums instead of a long one, because the next joint waits for the
-     * result */
+    /* The joint's acceleration is its remaining force minus the part used by the body's
+     * acceleration. Three short sums are faster than a long sum, because the next joint waits for
+     * the result */
     for (int m = 0; m < 6; m++) {
         if (m != own || added) {
             add_to(d, &part[m % 3], mul(d, state->ratio[m], *element[m]));
@@ -383,19 +384,19 @@ static void derive_forward(struct derive *d)
     bool ext = d->function != DERIVE_FORWARD;
     expr drift[3];
 
-    /* The base's motion */
+    /* Compute the base's motion */
     base_drift(d, drift);
     if (floating) {
         derive_base_input(d, DERIVE_V, BASE_V_ANGULAR, base->w);
     }
-    /* A free base's drift is added at the end. With added inertias it is included from the start,
-     * since they resist only the rates of v. */
+    /* The drift of a free base is added at the end. With added inertias it is included from the
+     * start, because they resist only the rates of v */
     for (int m = 0; (!floating || added) && m < 3; m++) {
         base->a[m] = expr_neg(drift[m]);
     }
 
-    /* Outward: the motion at zero joint accelerations, and the force that each body needs for
-     * it */
+    /* Outward: compute the motion at zero joint accelerations, and the force that each body needs
+     * for this motion */
     rate_matrix(d, base);
     for (size_t g = 0; g < ngroup; g++) {
         if (g > 0) {
@@ -409,7 +410,7 @@ static void derive_forward(struct derive *d)
         }
     }
 
-    /* Inward: articulated inertias; outward: accelerations */
+    /* Inward: compute articulated inertias. Outward: compute accelerations */
     for (size_t g = ngroup - 1; g > 0; g--) {
         articulated_inward(d, g);
     }
@@ -433,7 +434,7 @@ static void derive_inverse(struct derive *d)
     struct state *base = &d->state[0];
     expr drift[3];
 
-    /* The base's motion with its given acceleration */
+    /* Compute the base's motion with its given acceleration */
     base_drift(d, drift);
     for (int m = 0; m < 3; m++) {
         base->a[m] = expr_neg(drift[m]);
@@ -449,7 +450,8 @@ static void derive_inverse(struct derive *d)
         }
     }
 
-    /* Outward: the force that each body's motion needs; inward: the joints' components of it */
+    /* Outward: compute the force that each body's motion needs. Inward: compute the joints'
+     * components of these forces */
     rate_matrix(d, base);
     for (size_t g = 0; g < d->tree->ngroup; g++) {
         if (g > 0) {
@@ -495,12 +497,12 @@ enum error_code derive(enum derive_function function, const struct tree *tree, b
         goto done;
     }
 
-    /* Numbers the observed bodies */
+    /* Number the observed bodies */
     for (size_t b = 0; b < tree->nbody; b++) {
         d.observed[b] = tree->body[b].observed ? observed++ : -1;
     }
 
-    /* Derives the equations of d->function */
+    /* Derive the equations of d->function */
     switch (d.function) {
     case DERIVE_INVERSE:
         derive_inverse(&d);

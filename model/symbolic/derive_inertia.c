@@ -45,7 +45,8 @@ static void turn_symmetric(struct derive *d, int k, expr c, expr s, expr S[3][3]
     *upper(S, j, k) = x[j];
 }
 
-/* Rotates any matrix in the same way: t = s (hii - hjj) + c (hij + hji), hij' = c t - hji. */
+/* Rotates a general matrix, H <- Rot H Rot^T, by a turn about k: t = s (hii - hjj) + c (hij + hji),
+ * hij' = c t - hji. */
 static void turn_matrix(struct derive *d, int k, expr c, expr s, expr H[3][3])
 {
     int i = (k + 1) % 3, j = (k + 2) % 3;
@@ -113,7 +114,7 @@ static void given_inertia(struct derive *d, int body, struct state *A)
     int index = 21 * d->observed[body];
     expr in[6][6], half[6][6];
 
-    /* The upper triangle by rows, as in struct added_inertia */
+    /* Read the upper triangle by rows, as in struct added_inertia */
     for (int row = 0; row < 6; row++) {
         for (int column = row; column < 6; column++) {
             in[row][column] = in[column][row] = graph_input(d->g, DERIVE_ADDED, 1, &index);
@@ -121,7 +122,7 @@ static void given_inertia(struct derive *d, int body, struct state *A)
         }
     }
 
-    /* Each 3x3 block B becomes align^T B align; in the input the linear rows come first */
+    /* Rotate each 3x3 block B to align^T B align. In the input the linear rows come first */
     for (int row = 0; row < 6; row++) {
         derive_apply_transposed(d, align, in[row], half[row]);
         derive_apply_transposed(d, align, in[row] + 3, half[row] + 3);
@@ -144,7 +145,7 @@ static void given_inertia(struct derive *d, int body, struct state *A)
         }
     }
 
-    /* From the body's origin to the working frame's origin */
+    /* Move the reference point from the body's origin to the working frame's origin */
     for (int m = 0; m < 3; m++) {
         derive_shift_inertia(d, m, graph_const(d->g, d->tree->body[body].at[m]), A);
     }
@@ -164,7 +165,7 @@ void derive_add_given_inertia(struct derive *d, size_t group)
         }
     }
 
-    /* All lanes at once; bodies that are not observed add zero */
+    /* Add all lanes at once. Bodies that are not observed add zero */
     for (int a = 0; any && a < 6; a++) {
         for (int b = a; b < 6; b++) {
             expr lane[TREE_LANES];

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Expressions of vectors between bodies, joints, inputs and outputs of the derived functions. */
+/* Expressions of vectors between bodies, of joints, and of the inputs and outputs of the derived
+ * functions. */
 #include "model/symbolic/derive_private.h"
 
 #include "model/spatial.h"
@@ -116,7 +117,8 @@ void derive_to_parent(struct derive *d, size_t group, size_t offset, expr value)
         if (given[start]) {
             continue;
         }
-        /* One child per lane of the parent; further children come in another round */
+        /* Each round takes one child per lane of the parent. Further children come in the next
+         * round */
         for (int l = start; l < lanes->count; l++) {
             int at = lanes->parent_lane[l];
 
@@ -204,8 +206,8 @@ void derive_joint_state(struct derive *d, size_t group)
     if (derive_first_body(d, group)->prismatic) {
         state->d = position;
     } else {
-        /* Uses the addition theorem: the sum of a large angle and an offset would be rounded to
-         * the last place of the angle, 3e-11 rad at 3e5 */
+        /* Use the addition theorem. The sum of a large angle and an offset would be rounded to the
+         * last place of the angle, which is 3e-11 rad at 3e5 rad */
         expr offset = derive_body_const(d, group, BODY(offset));
         expr c = graph_cos(d->g, position), s = graph_sin(d->g, position);
         expr co = graph_cos(d->g, offset), so = graph_sin(d->g, offset);
@@ -237,7 +239,7 @@ void derive_base_rotation(struct derive *d, expr R[3][3])
         body[i][j] = sub(d, ij, wm);
         body[j][i] = add(d, ij, wm);
     }
-    /* The working frame is rotated by align relative to the body's frame */
+    /* Rotate by align, because the working frame differs from the body's frame */
     for (int row = 0; row < 3; row++) {
         derive_apply_transposed(d, d->tree->body[0].align, body[row], R[row]);
     }

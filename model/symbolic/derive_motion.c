@@ -8,7 +8,7 @@
 enum motion_part { MOTION_R = 0, MOTION_P = 9, MOTION_W = 12, MOTION_V = 15, MOTION_COUNT = 18 };
 enum acceleration_part { ACCELERATION_ALPHA = 0, ACCELERATION_A = 3, ACCELERATION_COUNT = 6 };
 
-/* Returns whether the first lane of a constant that is not 0 is negative. */
+/* Returns whether the first lane of a constant that is not 0 has a negative value. */
 static bool factor_is_negative(const struct derive *d, expr factor)
 {
     const struct graph_node *node = graph_get(d->g, factor);
@@ -20,9 +20,9 @@ static bool factor_is_negative(const struct derive *d, expr factor)
     return (node->value[l] < 0.0) != expr_negative(factor);
 }
 
-/* Stores the variable factor of x in the pose, for velocities and accelerations, or reads it from
- * there. Numbers and places are the same in all three functions, because the expressions are the
- * same. */
+/* Stores the variable factor of x in the pose, or reads it from the pose. Kinematics stores the
+ * factors, velocities and accelerations read them. The indices agree, because all three functions
+ * build equal expressions in equal order. */
 static expr keep_factor(struct derive *d, expr x)
 {
     const struct graph_node *node = d->g->failed ? NULL : graph_get(d->g, x);
@@ -42,7 +42,7 @@ static expr keep_factor(struct derive *d, expr x)
         rest = negative != expr_negative(x) ? expr_neg(rest) : rest;
         return mul(d, factor, keep_factor(d, rest));
     }
-    /* Aligned to its lanes */
+    /* Align the index to the number of lanes */
     index[0] = (out->npose + node->width - 1) / node->width * node->width;
     out->npose = index[0] + node->width;
     if (d->function == DERIVE_KINEMATICS) {
@@ -55,7 +55,7 @@ static expr keep_factor(struct derive *d, expr x)
     return graph_input(d->g, DERIVE_POSE, node->width, index);
 }
 
-/* Applies keep_factor to a vector; the energy has no pose. */
+/* Applies keep_factor to a vector, except in the energy, which has no pose. */
 static void keep_pose(struct derive *d, expr x[3])
 {
     for (int m = 0; d->function != DERIVE_ENERGY && m < 3; m++) {
@@ -103,9 +103,9 @@ static void world_from_parent(struct derive *d, size_t group)
     }
 }
 
-/* Adds the acceleration due to arm (from the parent's origin) and the joint along axis: a += alpha
- * x arm + w x (w x arm), and for a prismatic joint 2 w x slide + axis d''. w and alpha still
- * belong to the parent. */
+/* Adds the acceleration due to arm (from the parent's origin) and to the joint along axis: a +=
+ * alpha x arm + w x (w x arm), and for a prismatic joint 2 w x slide + axis d''. w and alpha are
+ * still the parent's values. */
 static void add_acceleration(struct derive *d, size_t group, const expr axis[3], const expr arm[3],
                              const expr slide[3])
 {
@@ -130,8 +130,8 @@ static void add_acceleration(struct derive *d, size_t group, const expr axis[3],
     }
 }
 
-/* Computes pose, velocity and (with vdot) classical acceleration in the world frame from the
- * parents'. */
+/* Computes pose, velocity and, if accelerations is set, classical acceleration in the world frame,
+ * from the parents. */
 static void world_outward(struct derive *d, size_t group, bool accelerations)
 {
     const struct tree_body *body = derive_first_body(d, group);
@@ -144,7 +144,7 @@ static void world_outward(struct derive *d, size_t group, bool accelerations)
     for (int m = 0; m < 3; m++) {
         derive_vector_down(d, group, state->R[m]);
     }
-    /* The joint's axis in the world; a prismatic joint lengthens the arm */
+    /* Compute the joint's axis in the world frame. A prismatic joint lengthens the arm */
     derive_column_of(state->R, body->axis, axis);
     for (int m = 0; body->prismatic && m < 3; m++) {
         add_to(d, &arm[m], mul(d, axis[m], state->d));
@@ -157,7 +157,7 @@ static void world_outward(struct derive *d, size_t group, bool accelerations)
     if (accelerations) {
         add_acceleration(d, group, axis, arm, slide);
     }
-    /* Velocity and pose, after the acceleration, which uses the parent's */
+    /* Compute velocity and pose last, because the acceleration uses the parent's values */
     derive_add_cross(d, state->v, state->w, arm);
     for (int m = 0; m < 3; m++) {
         add_to(d, &state->p[m], arm[m]);
@@ -168,7 +168,8 @@ static void world_outward(struct derive *d, size_t group, bool accelerations)
     }
 }
 
-/* Computes the base's velocity and (with vdot) acceleration in the world frame. */
+/* Computes the base's velocity and, if accelerations is set, its acceleration in the world
+ * frame. */
 static void base_motion(struct derive *d, bool accelerations)
 {
     struct state *base = &d->state[0];
@@ -205,7 +206,7 @@ static void put_vector(struct derive *d, int index, const expr x[3])
     }
 }
 
-/* Writes the motion of a body's own frame, computed from its working frame; the function for
+/* Writes the motion of a body's own frame, computed from its working frame. The function for
  * velocities omits the pose. */
 static void put_motion(struct derive *d, int body, struct state *lane)
 {
@@ -258,7 +259,7 @@ void derive_motion(struct derive *d)
             derive_joint_state(d, g);
             world_outward(d, g, accelerations);
         }
-        /* Outputs of the observed bodies of the group */
+        /* Add the outputs of the observed bodies of the group */
         for (int l = 0; l < lanes->count; l++) {
             int body = lanes->body[l];
             struct state lane;
@@ -267,7 +268,7 @@ void derive_motion(struct derive *d)
                 continue;
             }
 
-            /* Extracts one lane of a body's motion state */
+            /* Extract one lane of the motion */
             for (int m = 0; m < 3; m++) {
                 for (int n = 0; n < 3; n++) {
                     lane.R[m][n] = graph_lane(d->g, state->R[m][n], l);
@@ -287,7 +288,7 @@ void derive_motion(struct derive *d)
     }
 }
 
-/* Adds the active lanes of value to *sum. */
+/* Adds the lanes of value that have a body to *sum. */
 static void add_lanes(struct derive *d, size_t group, expr *sum, expr value)
 {
     for (int l = 0; l < d->tree->group[group].count; l++) {
@@ -303,7 +304,7 @@ static void add_energy(struct derive *d, size_t group, expr *kinetic, expr *pote
     expr mass = derive_inertia(d, group, TREE_MASS), two = graph_const(d->g, 2.0);
     expr h[3], first[3], w[3], Jw[3], across[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO}, twice;
 
-    /* h and w in the bodies' axes, R h in those of the world */
+    /* Compute h and w in the bodies' axes, and R h in the world's axes */
     derive_body_inertia(d, group);
     for (int m = 0; m < 3; m++) {
         expr column[3];
@@ -314,7 +315,7 @@ static void add_energy(struct derive *d, size_t group, expr *kinetic, expr *pote
     }
     derive_rotate(d, state->R, h, first);
 
-    /* Twice the kinetic energy */
+    /* Add twice the kinetic energy */
     for (int m = 0; m < 3; m++) {
         expr row[3];
 
@@ -328,7 +329,7 @@ static void add_energy(struct derive *d, size_t group, expr *kinetic, expr *pote
     add_to(d, &twice, mul(d, two, derive_dot(d, state->v, across)));
     add_lanes(d, group, kinetic, twice);
 
-    /* Potential energy */
+    /* Add the potential energy */
     for (int m = 0; m < 3; m++) {
         expr moment = add(d, first[m], mul(d, mass, state->p[m]));
         double gravity = d->tree->robot->gravity[m];

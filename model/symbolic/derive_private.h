@@ -10,9 +10,10 @@
 
 /* State of a group of bodies; one expression holds all its lanes. */
 struct state {
-    expr c, s;                      /* cosine and sine of a revolute joint's angle */
-    expr d, rate;                   /* displacement of a prismatic joint; rate of either joint */
-    expr w[3], alpha[3], a[3];      /* velocity; accelerations in Newton-Euler, of the origin */
+    expr c, s;    /* cosine and sine of a revolute joint's angle */
+    expr d, rate; /* displacement of a prismatic joint; rate of either joint */
+    /* angular velocity, angular acceleration; acceleration of the origin */
+    expr w[3], alpha[3], a[3];
     expr G[3][3];                   /* [alpha] + [w][w] */
     expr n[3], f[3];                /* moment about the origin, force */
     expr J[3][3], H[3][3], M[3][3]; /* articulated inertia; J, M: upper triangle only */
@@ -123,8 +124,8 @@ void derive_body_origin(struct derive *d, int body, expr at[3]);
 /* Computes the rate of a group's joints, and their sine and cosine or their displacement. */
 void derive_joint_state(struct derive *d, size_t group);
 
-/* Computes the rotation of the base to the world from a quaternion of any length. aligned: the
- * rotation of the base's working frame. */
+/* Computes the rotation from the base's working frame to the world. The base's quaternion, an
+ * input, may have any length. */
 void derive_base_rotation(struct derive *d, expr R[3][3]);
 
 /* Reads three inputs, the first at index `first`, and rotates them into the base's working

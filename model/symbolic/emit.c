@@ -19,11 +19,11 @@ struct emission {
     bool reads[DERIVE_ARRAYS];
     bool keeps; /* the function writes a pose */
     bool *reached;
-    bool *early;  /* the node is needed for an angle */
+    bool *early;  /* an angle depends on the node */
     int *slot;    /* index of an angle among all angles, or -1 */
-    int nslot;    /* multiple of TRIG_CHUNK */
+    int nslot;    /* number of slots, a multiple of TRIG_CHUNK */
     int *piece;   /* piece that computes the node */
-    int *last;    /* last piece that uses it */
+    int *last;    /* last piece that uses the node */
     int *scratch; /* index in the scratch array, or -1 */
     int *known;   /* last piece in which the value is in a local variable */
     int npiece, current;
@@ -72,7 +72,7 @@ static const char *vector_type_name(int width)
     return width == 1 ? "double" : width == 2 ? "v2" : "v4";
 }
 
-/* Writes a number so that C reads back the same double. */
+/* Writes a number with enough digits that C reads the same double. */
 static void write_number(FILE *file, double value)
 {
     char text[40];
@@ -96,7 +96,7 @@ static void write_constant(FILE *file, const struct graph_node *node)
     fprintf(file, "}");
 }
 
-/* Writes an operand: its sign, then a constant or the local of its node. */
+/* Writes an operand: its sign, then a constant or the local variable of its node. */
 static void write_operand(const struct emission *e, expr value)
 {
     const struct graph_node *node = graph_get(e->graph, value);
@@ -111,7 +111,7 @@ static void write_operand(const struct emission *e, expr value)
     }
 }
 
-/* Writes an element of an array of doubles as a value of this width. */
+/* Writes an element of an array of doubles, as a value with `width` lanes. */
 static void write_place(FILE *file, bool reading, int width, const char *array, int at)
 {
     if (width == 1) {
@@ -122,8 +122,8 @@ static void write_place(FILE *file, bool reading, int width, const char *array, 
     }
 }
 
-/* Returns whether the lanes of an input are consecutive and aligned: true for mass properties and
- * poses. */
+/* Returns whether the lanes of an input are consecutive and aligned. They are for mass properties
+ * and poses. */
 static bool is_row(const struct graph_node *node)
 {
     bool row = node->array == DERIVE_INERTIA ||
@@ -155,14 +155,14 @@ static void write_input(const struct emission *e, const struct graph_node *node)
 static void write_value(const struct emission *e, const struct graph_node *node)
 {
     switch (node->op) {
-    /* Leaves */
+    /* Write leaves */
     case GRAPH_CONST:
         write_constant(e->file, node);
         break;
     case GRAPH_INPUT:
         write_input(e, node);
         break;
-    /* Arithmetic */
+    /* Write arithmetic */
     case GRAPH_ADD:
     case GRAPH_SUB:
     case GRAPH_MUL:
@@ -174,11 +174,11 @@ static void write_value(const struct emission *e, const struct graph_node *node)
         fprintf(e->file, "1.0 / ");
         write_operand(e, node->operand[0]);
         break;
-    /* Angles and lanes */
+    /* Write angles and lanes */
     case GRAPH_SIN:
     case GRAPH_COS:
 
-        /* Writes the reference to a sine or cosine computed at the start */
+        /* Write the reference to a sine or cosine, which is computed at the start */
         const char *array = node->op == GRAPH_SIN ? "sine" : "cosine";
 
         write_place(e->file, true, node->width, array, e->slot[expr_node(node->operand[0])]);
@@ -189,7 +189,7 @@ static void write_value(const struct emission *e, const struct graph_node *node)
         break;
     case GRAPH_PACK:
 
-        /* Writes one-lane expressions side by side */
+        /* Write one-lane expressions side by side */
         fprintf(e->file, "(%s){", vector_type_name(node->width));
         for (int l = 0; l < node->width; l++) {
             fprintf(e->file, "%s", l ? ", " : "");
@@ -219,13 +219,13 @@ static void write_node_value(struct emission *e, uint32_t n)
         return;
     }
     e->known[n] = e->current;
-    /* Operands first; sines and cosines are already computed */
+    /* Write the operands first. Sines and cosines are already computed */
     for (int m = 0; here && m < operand_count(node->op, node->width); m++) {
         if (node->op != GRAPH_SIN && node->op != GRAPH_COS) {
             write_node_value(e, expr_node(node->operand[m]));
         }
     }
-    /* Computes the value here, or reads it from the scratch array */
+    /* Compute the value here, or read it from the scratch array */
     fprintf(e->file, "    const %s t%u = ", vector_type_name(node->width), n);
     if (here) {
         write_value(e, node);
@@ -233,7 +233,7 @@ static void write_node_value(struct emission *e, uint32_t n)
         write_place(e->file, true, node->width, "work", e->scratch[n]);
     }
     fprintf(e->file, ";\n");
-    /* Stores the value for later pieces */
+    /* Store the value for later pieces */
     if (here && e->scratch[n] >= 0) {
         fprintf(e->file, "    ");
         write_place(e->file, false, node->width, "work", e->scratch[n]);
@@ -241,7 +241,7 @@ static void write_node_value(struct emission *e, uint32_t n)
     }
 }
 
-/* Returns whether a node is computed once, in its own piece. */
+/* Returns whether a node is computed only once, in the piece assigned to it. */
 static bool is_placed(const struct emission *e, uint32_t n)
 {
     return e->reached[n] && e->graph->node[n].op != GRAPH_CONST && !is_cheap(e, n);
@@ -293,8 +293,8 @@ static void find_uses(struct emission *e)
     }
 }
 
-/* Assigns scratch indices to values used by later pieces; an index is free again after the last
- * use. unused: scratch of this function, by node. */
+/* Assigns scratch indices to values that later pieces use. An index is free again after the last
+ * use. unused: scratch memory of this function, one entry per node. */
 static void place_scratch(struct emission *e, int *unused)
 {
     for (int width = GRAPH_LANES; width >= 1; width /= 2) {
@@ -317,7 +317,7 @@ static void place_scratch(struct emission *e, int *unused)
     }
 }
 
-/* Writes the operations of one piece and the outputs that are ready with it. */
+/* Writes the operations of one piece, and the outputs whose values are known after them. */
 static void write_piece(struct emission *e, int piece)
 {
     e->current = piece;
@@ -341,7 +341,7 @@ static void write_piece(struct emission *e, int piece)
     }
 }
 
-/* Writes the arguments with or without types; inside adds those of a piece. */
+/* Writes the arguments, with or without types. inside: adds the arguments of a piece. */
 static void write_arguments(const struct emission *e, bool types, bool inside)
 {
     const char *input = types ? "const double *restrict " : "";
@@ -367,14 +367,14 @@ void emission_write(struct emission *e, FILE *file)
 {
     e->file = file;
 
-    /* If there are several pieces, each is a function */
+    /* If there are several pieces, write each piece as a function */
     for (int piece = 0; e->npiece > 1 && piece < e->npiece; piece++) {
         fprintf(e->file, "\nTARGET static __attribute__((noinline)) void NAME(%s_%d)(", e->name,
                 piece);
         write_arguments(e, true, true);
         fprintf(e->file, "\n{\n");
 
-        /* Writes void casts of arguments that a piece may not use */
+        /* Write void casts of arguments that a piece may not use */
         for (int a = 0; a < DERIVE_ARRAYS; a++) {
             if (e->reads[a]) {
                 fprintf(e->file, "    (void)%s;\n", array_name[a]);
@@ -387,7 +387,7 @@ void emission_write(struct emission *e, FILE *file)
         fprintf(e->file, "}\n");
     }
 
-    /* The function itself and its local variables */
+    /* Write the function itself and its local variables */
     fprintf(e->file, "\nTARGET static void NAME(%s)(", e->name);
     write_arguments(e, true, false);
     fprintf(e->file, "\n{\n");
@@ -402,9 +402,7 @@ void emission_write(struct emission *e, FILE *file)
         fprintf(e->file, "    (void)out;\n");
     }
 
-    /* All angles, then the pieces in order */
-
-    /* Writes all sines and cosines at once, at the start */
+    /* Write all sines and cosines first, then the pieces in order */
     int used = 0;
 
     e->current = e->npiece;
@@ -419,7 +417,7 @@ void emission_write(struct emission *e, FILE *file)
             used += width;
         }
     }
-    /* Fills the last chunk, then calls the vector function for each chunk */
+    /* Fill the last chunk, then call the vector function for each chunk */
     for (int s = used; s < e->nslot; s++) {
         fprintf(e->file, "    angle[%d] = 0.0;\n", s);
     }
@@ -460,7 +458,7 @@ enum error_code emission_create(const char *name, const struct graph *graph,
                                 struct error *error)
 {
     size_t nodes = graph->count;
-    /* Six arrays of int and two of bool behind the struct */
+    /* Allocate the struct, with six arrays of int and two arrays of bool behind it */
     struct emission *e = calloc(1, sizeof *e + nodes * (6 * sizeof(int) + 2 * sizeof(bool)));
 
     *out = e;
@@ -481,9 +479,8 @@ enum error_code emission_create(const char *name, const struct graph *graph,
         e->slot[n] = e->last[n] = e->scratch[n] = e->known[n] = -1;
     }
 
-    /* Finds the needed nodes, their pieces and their scratch indices */
-
-    /* Marks the nodes that the outputs need. Operands have lower numbers than their users. */
+    /* Mark the nodes that the outputs need. Operands have lower numbers than the nodes that use
+     * them */
     for (size_t o = 0; o < e->derivation->count; o++) {
         e->reached[expr_node(e->derivation->output[o].value)] = true;
         e->keeps = e->keeps || e->derivation->output[o].pose;
@@ -499,7 +496,7 @@ enum error_code emission_create(const char *name, const struct graph *graph,
         }
     }
 
-    /* Assigns an index to each angle, wide ones first for alignment */
+    /* Assign an index to each angle. Wide angles come first, for alignment */
     for (int width = GRAPH_LANES; width >= 1; width /= 2) {
         for (size_t n = 0; n < e->graph->count; n++) {
             const struct graph_node *node = &e->graph->node[n];
@@ -513,11 +510,11 @@ enum error_code emission_create(const char *name, const struct graph *graph,
             }
         }
     }
-    /* Pads to whole chunks for the vector function */
+    /* Pad to whole chunks for the vector function */
     while (e->nslot % TRIG_CHUNK) {
         e->nslot++;
     }
-    /* Operands of angles are needed early too */
+    /* Mark the operands of angles, which are needed early too */
     for (size_t n = e->graph->count; n-- > 0;) {
         const struct graph_node *node = &e->graph->node[n];
 
@@ -540,13 +537,15 @@ void emission_destroy(struct emission *e)
 /* ---- common text of each file: vector types, sine and cosine ---- */
 
 /*
- * Sine and cosine of 8 lanes. Reduction by n pi/2 after Cody and Waite with pi/2 in 33 + 33 + 53
- * bits: the first two products are exact (n < 2^16), the rounding error of the second difference
- * and the third product are kept in e, at most 2.5e-16. Taylor polynomials on |r| <= pi/4: the
- * terms left out are below (pi/4)^18/19! = 1.1e-19 of r and (pi/4)^18/18! = 2.1e-18 of 1
- * (alternating series). Above 1e5 rad, portable_sincos uses as many digits of pi as the angle
- * needs; below, both functions give the same bits. Measured against long double up to 1e15 rad:
- * 0.86 units of the last place.
+ * Text of the module's functions for sine and cosine of 8 lanes.
+ *
+ * Reduction by n pi/2 after Cody and Waite, with pi/2 in 33 + 33 + 53 bits. The first two products
+ * are exact (n < 2^16). The rounding error of the second difference and the third product are kept
+ * in e, at most 2.5e-16. Taylor polynomials on |r| <= pi/4: the terms left out are below
+ * (pi/4)^18/19! = 1.1e-19 relative to r, and (pi/4)^18/18! = 2.1e-18 relative to 1 (alternating
+ * series). Above 1e5 rad, portable_sincos uses as many digits of pi as the angle needs. Below,
+ * both functions give the same bits. The error measured against long double up to 1e15 rad is 0.86
+ * units in the last place.
  */
 static const char *const preamble[] = {
     "typedef double v2 __attribute__((vector_size(16), may_alias));",

@@ -9,7 +9,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Fixes the base of a robot at its place in one of the poses. */
+/* Fixes the base of a robot at its position in one of the poses. */
 static enum error_code tool_fix_base(struct robot *robot, const char *name, struct error *error)
 {
     for (size_t p = 0; p < robot->npose; p++) {
@@ -49,10 +49,10 @@ int main(int argc, char **argv)
         return 2;
     }
 
-    /* The module gets the name given by the build, not the robot's name */
+    /* Use the name given by the build, not the robot's name */
     named->name = argv[3];
 
-    /* Deletes an incomplete file */
+    /* Write the file; delete it if it is incomplete */
     file = fopen(argv[2], "w");
     if (!file) {
         perror(argv[2]);

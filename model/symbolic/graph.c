@@ -82,7 +82,7 @@ static bool grow_graph(struct graph *graph)
     }
     graph->node = node;
     graph->capacity = capacity;
-    /* Builds a new table and hashes all nodes again */
+    /* Build a new table and hash all nodes again */
     bucket = calloc(nbucket, sizeof *bucket);
     if (!bucket) {
         return false;
@@ -99,7 +99,7 @@ static bool grow_graph(struct graph *graph)
     return true;
 }
 
-/* Returns the node equal to *wanted, an existing or a new one (hash-consing). */
+/* Returns the existing node that equals *wanted, or adds a new node (hash-consing). */
 static expr intern_node(struct graph *graph, const struct graph_node *wanted)
 {
     size_t slot;
@@ -108,13 +108,13 @@ static expr intern_node(struct graph *graph, const struct graph_node *wanted)
         return EXPR_ZERO;
     }
     slot = node_hash(wanted) % graph->nbucket;
-    /* Reuses an equal node */
+    /* Reuse an equal node */
     for (uint32_t i = graph->bucket[slot]; i; i = graph->node[i].next) {
         if (node_equal(&graph->node[i], wanted)) {
             return (expr)i << 1;
         }
     }
-    /* Otherwise appends a new node */
+    /* Otherwise append a new node */
     if (graph->count == graph->capacity) {
         if (!grow_graph(graph)) {
             graph->failed = true;
@@ -154,7 +154,7 @@ expr graph_const_lanes(struct graph *graph, int width, const double *value)
     }
     node.width = uniform ? 1 : width;
     for (int l = 0; l < node.width; l++) {
-        /* Adding zero turns -0 into 0: equal constants are equal bits */
+        /* Adding zero turns -0 into 0, so equal constants have equal bits */
         node.value[l] = (negative ? -value[l] : value[l]) + 0.0;
     }
     return intern_node(graph, &node) ^ (negative ? 1U : 0U);
@@ -188,7 +188,7 @@ static expr fold_constants(struct graph *graph, enum graph_op op, expr a, expr b
     return graph_const_lanes(graph, width, value);
 }
 
-/* Returns whether an expression is a constant of that value in one lane. */
+/* Returns whether an expression is a one-lane constant with this value. */
 static bool is_uniform_const(const struct graph *graph, expr e, double value)
 {
     const struct graph_node *node = graph_get(graph, e);
@@ -218,7 +218,7 @@ static void split_const(struct graph *graph, expr e, expr *constant, expr *rest)
     }
 }
 
-/* Returns whether e is the square of a sine or cosine, and its angle. */
+/* Returns whether e is the square of a sine or cosine. *angle receives the angle. */
 static bool is_square_of(const struct graph *graph, expr e, enum graph_op op, expr *angle)
 {
     const struct graph_node *node = graph_get(graph, e);
@@ -249,7 +249,7 @@ expr graph_add(struct graph *graph, expr a, expr b)
         return EXPR_ZERO;
     }
 
-    /* Simplifies sums: x + 0, x - x, constants, sin^2 + cos^2, c x + d x */
+    /* Simplify sums: x + 0, x - x, constants, sin^2 + cos^2, c x + d x */
     if (a == EXPR_ZERO || b == EXPR_ZERO) {
         return a == EXPR_ZERO ? b : a;
     }
@@ -268,7 +268,7 @@ expr graph_add(struct graph *graph, expr a, expr b)
         return graph_mul(graph, fold_constants(graph, GRAPH_ADD, ca, cb), ra);
     }
 
-    /* Fixed order and sign, so that equal sums are one node */
+    /* Choose a fixed order and sign, so that equal sums share one node */
     if (expr_node(a) > expr_node(b)) {
         expr swap = a;
 
@@ -295,7 +295,7 @@ expr graph_mul(struct graph *graph, expr a, expr b)
         return EXPR_ZERO;
     }
 
-    /* Signs stay outside; constants come first, then the lower number */
+    /* Keep signs outside. Order the operands: constants first, then the lower number */
     a &= ~1U;
     b &= ~1U;
     if (graph_is_const(graph, a) && graph_is_const(graph, b)) {
@@ -309,7 +309,7 @@ expr graph_mul(struct graph *graph, expr a, expr b)
         b = swap;
     }
 
-    /* Simplifies products: 1 x, c (d x) */
+    /* Simplify products: 1 x, c (d x) */
     if (is_uniform_const(graph, a, 1.0)) {
         return b ^ sign;
     }
@@ -350,7 +350,7 @@ expr graph_invert(struct graph *graph, expr a)
     return intern_unary(graph, GRAPH_INVERT, a & ~1U) ^ (a & 1U);
 }
 
-/* Returns a constant's sine or cosine, lane by lane. */
+/* Returns the sine or cosine of a constant, lane by lane. */
 static expr fold_trig(struct graph *graph, enum graph_op op, expr a)
 {
     double value[GRAPH_LANES];
@@ -392,7 +392,7 @@ expr graph_lane(struct graph *graph, expr a, int lane)
     if (node->width == 1) {
         return a;
     }
-    /* Lanes that need no node of their own */
+    /* Handle lanes that need no new node */
     if (node->op == GRAPH_CONST) {
         return graph_const(graph, const_value(graph, a, lane));
     }
@@ -409,7 +409,7 @@ expr graph_lane(struct graph *graph, expr a, int lane)
     return intern_node(graph, &wanted) ^ (a & 1U);
 }
 
-/* Returns whether the lanes are all lanes of one expression, in order and with one sign. */
+/* Returns whether the lanes are all lanes of one expression, in order and with equal signs. */
 static bool is_unpacked(const struct graph *graph, int width, const expr *lane, expr *whole)
 {
     for (int l = 0; l < width; l++) {
@@ -436,7 +436,7 @@ expr graph_pack(struct graph *graph, int width, const expr *lane)
         return EXPR_ZERO;
     }
 
-    /* Finds whether all lanes are equal, all are constants, or all are inputs of one array */
+    /* Find whether all lanes are equal, all are constants, or all are inputs of one array */
     for (int l = 0; l < width; l++) {
         const struct graph_node *source = graph_get(graph, lane[l]);
 

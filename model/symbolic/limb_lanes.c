@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Assigns limbs to lanes. A limb is a run of bodies without a branch. Two limbs are bundled if the
- * joints of the shorter one turn about the same axes as the first joints of the longer one. The
- * groups of all bundles must keep an order with parents before children, so that no group depends
- * on itself.
+ * Assigns limbs to lanes. A limb is a sequence of bodies without a branch. Two limbs may form a
+ * bundle if the joints of the shorter limb turn about the same axes as the first joints of the
+ * longer limb. The groups of all bundles must have an order with parents before children. Otherwise
+ * a group would depend on itself.
  */
 #include "model/symbolic/tree.h"
 
@@ -19,11 +19,11 @@ struct limbs {
     const struct tree *tree;
     int count;
     struct limb *limb;
-    int *next;   /* by body: the only child, or -1 */
+    int *next;   /* by body: index of the only child, or -1 */
     bool *moved; /* scratch, by limb */
 };
 
-/* Returns whether two joints need the same operations, for any constants. */
+/* Returns whether two joints need equal operations; their constants may differ. */
 static bool same_joint(const struct tree_body *a, const struct tree_body *b)
 {
     if (a->prismatic != b->prismatic || a->axis != b->axis || a->nturn != b->nturn) {
@@ -44,7 +44,7 @@ static void find_limbs(struct limbs *limbs)
     const struct tree *tree = limbs->tree;
     int n = (int)tree->nbody;
 
-    /* The only child of each body */
+    /* Find the only child of each body */
     for (int b = 0; b < n; b++) {
         int children = 0;
 
@@ -121,7 +121,7 @@ static void make_groups(const struct limbs *limbs, struct tree *tree)
         int member[TREE_LANES], at[TREE_LANES];
         int count = bundle_members(limbs, bundle, member);
 
-        /* Steps along all limbs of the bundle until the longest one ends */
+        /* Go along all limbs of the bundle until the longest limb ends */
         for (int l = 0; l < count; l++) {
             at[l] = limbs->limb[member[l]].first;
         }
@@ -148,7 +148,7 @@ static void make_groups(const struct limbs *limbs, struct tree *tree)
         }
     }
 
-    /* Index of each lane's parent */
+    /* Find the index of each lane's parent */
     for (size_t g = 1; g < tree->ngroup; g++) {
         for (int l = 0; l < tree->group[g].width; l++) {
             int parent = tree->body[tree->group[g].body[l]].parent;
@@ -169,7 +169,7 @@ static bool sort_groups(struct tree *tree, struct tree_group *sorted, int *place
         place[g] = -1;
     }
 
-    /* Each round adds the groups whose parents are placed */
+    /* In each round, add the groups whose parents are already sorted */
     while (done < tree->ngroup) {
         size_t before = done;
 
@@ -191,7 +191,7 @@ static bool sort_groups(struct tree *tree, struct tree_group *sorted, int *place
         }
     }
 
-    /* Parents get their new indices */
+    /* Replace the indices of parents by the new indices */
     for (size_t g = 0; g < tree->ngroup; g++) {
         for (int l = 0; l < sorted[g].width; l++) {
             int parent = sorted[g].parent_group[l];
@@ -233,7 +233,7 @@ static void try_bundle(struct limbs *limbs, struct tree *tree, int lanes, int a,
         return;
     }
 
-    /* Joins them, and separates them again if the groups then have no order */
+    /* Join the bundles. Separate them again if the groups then have no order */
     for (int n = 0; n < limbs->count; n++) {
         limbs->moved[n] = limbs->limb[n].bundle == from;
         if (limbs->moved[n]) {
@@ -263,8 +263,8 @@ enum error_code tree_assign_lanes(struct tree *tree, int lanes, struct error *er
     if (sorted && place && limbs.limb && limbs.next && limbs.moved) {
         find_limbs(&limbs);
 
-        /* Bundles the limbs, best matches first, and makes the groups */
-        /* Equal limbs with one parent first, then equal limbs anywhere, then partial matches */
+        /* Bundle equal limbs with one parent first, then equal limbs anywhere, then partial
+         * matches */
         for (int round = 0; round < 3; round++) {
             for (int a = 0; a < limbs.count; a++) {
                 for (int b = a + 1; b < limbs.count; b++) {

@@ -119,8 +119,8 @@ bool dynamics_module_fits(const struct dynamics_module *module, const struct rob
                             : module->robot_hash == robot->hash;
 }
 
-/* Fills the robot's mass properties in the module's frames. The geometry alone determines these
- * frames, so they are computed again here. */
+/* Computes the robot's mass properties in the module's frames. These frames depend only on the
+ * geometry, so this function computes them again. */
 static enum error_code bind_inertia(const struct robot *robot, struct arena *arena,
                                     struct generated *generated, struct error *error)
 {
@@ -137,7 +137,8 @@ static enum error_code bind_inertia(const struct robot *robot, struct arena *are
         return code;
     }
 
-    /* Fills the ninertia numbers with the mass properties; each lane has its own, gaps are zero */
+    /* Fill the ninertia numbers with the mass properties. Each lane has its own numbers; gaps are
+     * zero */
     memset(inertia, 0, tree.ninertia * sizeof *inertia);
     for (size_t g = 0; g < tree.ngroup; g++) {
         const struct tree_group *group = &tree.group[g];

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The generator: robot -> tree -> expressions -> one C file. */
+/* Generates the module: from the robot to its tree, to expressions, to one C file. */
 #include "model/symbolic/symbolic.h"
 
 #include "base/array.h"
@@ -66,11 +66,12 @@ static const struct {
 
 _Static_assert(INSTRUCTION_SETS == ARRAY_COUNT(variants), "every variant has its place");
 
-/* Operations per piece of a function. For more than some thousand, register allocation and
- * scheduling take a third of the compiler's time. Pieces of 500 cost 0.2 % of a tick. */
+/* Largest number of operations per piece of a function. Above a few thousand, register allocation
+ * and scheduling take a third of the compiler's time. Pieces of 500 operations cost 0.2 % of a
+ * tick. */
 enum { PIECE = 1500 };
 
-/* State of a generation. */
+/* State of one generation of a module. */
 struct generation {
     const struct robot *robot;
     bool inertia_inputs;
@@ -121,7 +122,7 @@ static void write_header(const struct generation *g)
             robot->nbody, robot->njoint, robot->floating ? "floating" : "fixed", robot->nv,
             robot->hash, g->inertia_inputs ? "inputs" : "constants");
 
-    /* One table row per function */
+    /* Write one table row per function */
     for (int f = 0; f < DERIVE_COUNT; f++) {
         const struct symbolic_count *count = &g->report.count[f];
 
@@ -129,7 +130,7 @@ static void write_header(const struct generation *g)
                 count->multiply, count->divide, count->operations, count->sincos);
     }
 
-    /* One row per group of lanes */
+    /* Write one row per group of lanes */
     fprintf(g->file, " *\n * Bodies side by side:\n");
     for (size_t n = 0; n < g->tree.ngroup; n++) {
         fprintf(g->file, " *  ");
@@ -141,8 +142,8 @@ static void write_header(const struct generation *g)
     fprintf(g->file, " */\n");
 }
 
-/* Writes code by which the file includes itself for a variant. plainer: the previous variant, or
- * none. */
+/* Writes the lines with which the file includes itself for a variant. plainer: the previous
+ * variant, or -1. */
 static void write_variant(FILE *file, int variant, int plainer)
 {
     fprintf(file,
@@ -168,7 +169,8 @@ static void write_call(const struct generation *g, enum derive_function function
     fprintf(g->file, "%sout);\n", emission_keeps(g->emission[function]) ? "pose, " : "");
 }
 
-/* Writes a function of the module: its parameters, casts of those it may not use, and its call. */
+/* Writes a function of the module: its parameters, void casts of parameters that it may not use,
+ * and its call. */
 static void write_entry(const struct generation *g, enum derive_function function, const char *name,
                         const enum derive_array *parameter, size_t count)
 {
@@ -188,7 +190,7 @@ static void write_entry(const struct generation *g, enum derive_function functio
             fprintf(g->file, "    (void)%s;\n", emit_array_name(parameter[a]));
         }
     }
-    /* Calls a cheaper function without external wrenches */
+    /* Without external wrenches, call a cheaper function */
     if (function == DERIVE_FORWARD_EXT) {
         fprintf(g->file, "    if (!ext) {\n        ");
         write_call(g, DERIVE_FORWARD, "ext");
@@ -200,7 +202,7 @@ static void write_entry(const struct generation *g, enum derive_function functio
     fprintf(g->file, "}\n");
 }
 
-/* Writes the module: an entry for each of its functions, and the table of them. */
+/* Writes the module: each of its functions, and the table of the functions. */
 static void write_dynamics_module(const struct generation *g)
 {
     static const enum derive_array forward[] = {DERIVE_INERTIA, DERIVE_Q, DERIVE_V, DERIVE_TAU,
@@ -216,7 +218,7 @@ static void write_dynamics_module(const struct generation *g)
     const struct robot *robot = g->robot;
     size_t nobserved = 0;
 
-    /* The functions */
+    /* Write the functions */
     write_entry(g, DERIVE_FORWARD_EXT, "forward", forward, ARRAY_COUNT(forward));
     write_entry(g, DERIVE_IMPLICIT, "implicit", implicit, ARRAY_COUNT(implicit));
     write_entry(g, DERIVE_INVERSE, "inverse", inverse, ARRAY_COUNT(inverse));
@@ -225,7 +227,7 @@ static void write_dynamics_module(const struct generation *g)
     write_entry(g, DERIVE_ACCELERATION, "acceleration", acceleration, ARRAY_COUNT(acceleration));
     write_entry(g, DERIVE_ENERGY, "energy", energy, ARRAY_COUNT(energy));
 
-    /* The table */
+    /* Write the table */
     for (size_t b = 0; b < robot->nbody; b++) {
         nobserved += robot->body[b].observed;
     }
@@ -248,15 +250,16 @@ static enum error_code write_file(const struct generation *g, struct error *erro
 {
     write_header(g);
 
-    /* GCC's vectorizer of straight-line code fuses products with alternating sums (vfmaddsub) even
-     * if contraction is off. It also gains little, because the code already uses lanes */
+    /* Disable GCC's vectorizer of straight-line code. It fuses products with alternating sums
+     * (vfmaddsub) even if contraction is off, and it gains little, because the code already uses
+     * lanes */
     fprintf(g->file, "#if !defined VARIANT\n"
                      "#include <math.h>\n#include <stddef.h>\n#include <stdint.h>\n\n"
                      "#if defined __clang__\n#pragma STDC FP_CONTRACT OFF\n"
                      "#elif defined __GNUC__\n#pragma GCC optimize(\"fp-contract=off\")\n"
                      "#pragma GCC optimize(\"no-tree-slp-vectorize\")\n"
                      "#endif\n\n");
-    /* Declarations and tables once; then, per inclusion, the functions of a variant */
+    /* Write declarations and tables once, then the functions of a variant for each inclusion */
     const size_t count = ARRAY_COUNT(module_declaration);
 
     for (size_t n = 0; n < count; n++) {
@@ -265,7 +268,7 @@ static enum error_code write_file(const struct generation *g, struct error *erro
     fprintf(g->file, "\n");
     emit_preamble(g->file);
 
-    /* Writes the constants used by the functions and the table */
+    /* Write the constants used by the functions and the table */
     const struct robot *robot = g->robot;
 
     fprintf(g->file, "static const double no_wrench[%zu];\n", 6 * robot->nbody);
@@ -277,7 +280,7 @@ static enum error_code write_file(const struct generation *g, struct error *erro
     }
     fprintf(g->file, "-1};\nstatic const char robot_name[] = \"");
     for (const char *letter = robot->name; *letter; letter++) {
-        /* Octal escapes for characters that C could interpret */
+        /* Write octal escapes for characters that C could interpret */
         if (isalnum((unsigned char)*letter) || strchr(" -_.", *letter)) {
             fputc(*letter, g->file);
         } else {
@@ -287,7 +290,7 @@ static enum error_code write_file(const struct generation *g, struct error *erro
     fprintf(g->file, "\";\n");
     fprintf(g->file, "\n");
 
-    /* Writes the variants, and the function that selects one */
+    /* Write the variants, and the function that selects a variant */
     write_variant(g->file, INSTRUCTIONS_PLAIN, -1);
     fprintf(g->file, "#if defined __x86_64__\n");
     write_variant(g->file, INSTRUCTIONS_AVX2, INSTRUCTIONS_PLAIN);
@@ -350,13 +353,13 @@ enum error_code symbolic_generate(const struct robot *robot, const struct symbol
     g->file = file;
     symbolic_symbol(robot, g->symbol);
 
-    /* The tree with its lanes, and the plans */
+    /* Create the tree with its lanes, and the plans */
     if ((code = tree_create(robot, g->lanes, &g->tree, error)) ||
         (code = plan_functions(g, error))) {
         goto done;
     }
 
-    /* The file */
+    /* Write the file */
     g->report.groups = g->tree.ngroup;
     if ((code = write_file(g, error))) {
         goto done;

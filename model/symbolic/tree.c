@@ -16,7 +16,7 @@
 #define COST_SHIFT 35.0
 #define COST_ALIGN 30.0
 
-/* The placement of a joint in its parent's working frame. */
+/* Placement of a joint in its parent's working frame. */
 struct placement {
     double r[3];
     int axis;
@@ -58,8 +58,8 @@ static void turn_append(double R[9], const struct tree_turn *turn)
     memcpy(R, product, sizeof product);
 }
 
-/* Computes the placement of joint in its parent's working frame. align and at: alignment of that
- * frame and the parent's origin in it. */
+/* Computes the placement of a joint in its parent's working frame. align: rotation of this frame to
+ * the parent's body frame. at: the parent's origin in this frame. */
 static void place_joint(const struct robot_joint *joint, const double align[9], const double at[3],
                         struct placement *place)
 {
@@ -79,10 +79,10 @@ static void place_joint(const struct robot_joint *joint, const double align[9], 
     }
     clean_vector(a);
 
-    /* Finds the smallest number of fixed turns after which the unit vector a is +-axis */
+    /* Find the smallest number of fixed turns after which the unit vector a is +axis or -axis */
     int k = 0, zero = -1;
 
-    /* The coordinate axis nearest to a */
+    /* Find the coordinate axis nearest to a */
     for (int m = 0; m < 3; m++) {
         k = fabs(a[m]) > fabs(a[k]) ? m : k;
         zero = a[m] == 0.0 ? m : zero;
@@ -91,7 +91,7 @@ static void place_joint(const struct robot_joint *joint, const double align[9], 
     place->sign = a[k] < 0.0 ? -1.0 : 1.0;
     place->nturn = 0;
 
-    /* No, one or two turns, by the number of remaining components across that axis */
+    /* Use as many turns, 0 to 2, as a has components across this axis */
     int i = (k + 1) % 3, j = (k + 2) % 3;
     double ai = place->sign * a[i], aj = place->sign * a[j], ak = fabs(a[k]);
     if (ai == 0.0 && aj == 0.0) {
@@ -109,8 +109,8 @@ static void place_joint(const struct robot_joint *joint, const double align[9], 
     }
 }
 
-/* Computes how far the joint's origin can move so that r has no component along the axis, or is
- * zero. */
+/* Computes the shift of the joint's origin after which r has no component along the axis. For a
+ * prismatic joint r becomes zero. */
 static void free_origin(const struct placement *place, bool prismatic, double moved[3])
 {
     memset(moved, 0, 3 * sizeof *moved);
@@ -121,7 +121,7 @@ static void free_origin(const struct placement *place, bool prismatic, double mo
     }
 }
 
-/* Returns the cost of a placement with the origin at the shortest shift. */
+/* Returns the cost of a placement after the origin has moved by the shortest shift. */
 static double placement_cost(const struct placement *place, bool prismatic)
 {
     double cost = COST_TURN * place->nturn, moved[3];
@@ -133,7 +133,7 @@ static double placement_cost(const struct placement *place, bool prismatic)
     return cost;
 }
 
-/* Returns the cost of the children of body b for its working frame and origin. */
+/* Returns the cost of the children of body b with this working frame and origin of b. */
 static double children_cost(const struct robot *robot, size_t b, const double align[9],
                             const double at[3])
 {
@@ -162,7 +162,7 @@ static void clean_rotation(double R[9])
     }
 }
 
-/* Chooses the working frame of the base: its own frame, or one in which a child's axis is a
+/* Chooses the working frame of the base: its own frame, or a frame in which a child's axis is a
  * coordinate axis. */
 static void choose_base_frame(const struct robot *robot, struct tree_body *base)
 {
@@ -219,7 +219,7 @@ static void choose_offset(const struct robot *robot, size_t b, struct tree_body 
         if (robot->body[c].parent != (int)b) {
             continue;
         }
-        /* Two candidates per child: its axis or its origin on a coordinate axis */
+        /* Try two candidates per child: its axis or its origin on a coordinate axis */
         mat3_apply(robot->joint[c - 1].rotation, robot->joint[c - 1].axis, in_parent);
         mat3_apply_transposed(start, in_parent, across[0]);
         mat3_apply_transposed(start, robot->joint[c - 1].origin, across[1]);
@@ -246,8 +246,8 @@ static void choose_offset(const struct robot *robot, size_t b, struct tree_body 
     }
 }
 
-/* Returns the cost with the body's origin displaced by moved (in the axes of r) from the robot's
- * origin; at: the same vector in the body's axes. */
+/* Returns the cost after the body's origin has moved by `moved` from its origin in the robot file.
+ * at: this displacement in the body's axes; moved is in the axes of r. */
 static double origin_cost(const struct robot *robot, size_t b, const struct placement *place,
                           const struct tree_body *body, const double moved[3], double at[3])
 {
@@ -268,9 +268,9 @@ static double origin_cost(const struct robot *robot, size_t b, const struct plac
     return cost + children_cost(robot, b, body->align, at);
 }
 
-/* Chooses the origin, which is free along a revolute joint's axis and anywhere on a prismatic
- * joint's body. Candidates: the body's own origin, and the shortest shifts from the parent and to
- * each child. */
+/* Chooses the origin. It may move along the axis of a revolute joint, or to any point of a
+ * prismatic joint's body. Candidates: the body's own origin, and the shortest shifts from the
+ * parent and to each child. */
 static void choose_origin(const struct robot *robot, size_t b, const struct placement *place,
                           struct tree_body *body)
 {
@@ -293,7 +293,7 @@ static void choose_origin(const struct robot *robot, size_t b, const struct plac
             continue;
         }
 
-        /* Keeps the best candidate, if it saves more than rounding */
+        /* Keep the best candidate, if it saves more than rounding */
         cost = origin_cost(robot, b, place, body, moved, at);
         if (cost < best - 1.0) {
             best = cost;
@@ -348,7 +348,7 @@ static void set_body(const struct robot *robot, size_t b, struct tree *tree)
     body->nturn = place.nturn;
     memcpy(body->turn, place.turn, sizeof body->turn);
 
-    /* align = R^T align(parent) turns: the joint has no rotation at q = 0 */
+    /* align = R^T align(parent) turns, because the joint has no rotation at q = 0 */
     mat3_transpose(joint->rotation, transposed);
     mat3_mul(transposed, parent->align, align);
     for (int n = 0; n < place.nturn; n++) {
@@ -357,7 +357,7 @@ static void set_body(const struct robot *robot, size_t b, struct tree *tree)
     clean_rotation(align);
     memcpy(body->align, align, sizeof align);
 
-    /* Chooses the free origin and zero so that the children are cheap */
+    /* Choose the origin and the zero so that the children are cheap */
     choose_origin(robot, b, &place, body);
     if (!body->prismatic) {
         choose_offset(robot, b, body);
@@ -385,7 +385,7 @@ static void lump_into_parent(struct tree_body *child, struct tree_body *parent)
     for (int n = 0; n < child->nturn; n++) {
         turn_append(C, &child->turn[n]);
     }
-    /* A prismatic joint's body has the parent's rotation: all of K moves */
+    /* The body of a prismatic joint has the parent's rotation, so all of K moves */
     if (child->prismatic) {
         sym3_rotate(C, child->K);
         for (int m = 0; m < 6; m++) {
@@ -394,7 +394,7 @@ static void lump_into_parent(struct tree_body *child, struct tree_body *parent)
         }
         return;
     }
-    /* Mass along a revolute joint's axis: m, h_k and K_kk move */
+    /* For mass along a revolute joint's axis, m, h_k and K_kk move */
     for (int m = 0; m < 3; m++) {
         a[m] = C[3 * m + k];
         parent->h[m] += child->h[k] * a[m] + child->mass * child->r[m];
@@ -434,7 +434,7 @@ enum error_code tree_create(const struct robot *robot, int lanes, struct tree *t
         return error_set(error, ERROR_MEMORY, "no memory for a tree of %zu bodies", robot->nbody);
     }
 
-    /* Computes working frames from the base outward, then lumps inertias inward */
+    /* Compute working frames from the base outward, then lump inertias inward */
     for (size_t b = 0; b < robot->nbody; b++) {
         struct tree_body *body = &tree->body[b];
 
@@ -457,7 +457,7 @@ enum error_code tree_create(const struct robot *robot, int lanes, struct tree *t
         return ERROR_MEMORY;
     }
 
-    /* Assigns array indices to the groups' mass properties */
+    /* Assign array indices to the groups' mass properties */
     tree->ninertia = 0;
     for (size_t g = 0; g < tree->ngroup; g++) {
         struct tree_group *group = &tree->group[g];
