@@ -126,7 +126,7 @@ struct plant {
     unsigned *condition;   /* of each drive: bits of enum drive_condition */
     double *voltage;       /* of each drive, after saturation */
     bool *bridge_on;
-    struct effects_bridge *bridge; /* of each drive, with effects */
+    struct effects_bridge *bridge; /* of each drive with effects */
     struct effects_mode *mode;     /* of each drive with effects, in a substep of rk4 and dopri5 */
     double *pretension_rate;       /* of each parallel spring */
     double *valve_voltage;         /* of each cylinder */
@@ -337,13 +337,14 @@ enum error_code plant_evaluate(struct plant *plant, const double *state, struct 
 enum error_code plant_load_bodies(struct plant *plant, const double *state, const double *bristle,
                                   double ahead_s, struct plant_load *load);
 
-/* Part of plant_load_bodies: fills ext from the results of plant_place and, with contact, the
- * robot's motion and contact_wrench. Adds the powers to load. */
+/* Fills ext with contact wrenches and pushes, for plant_load_bodies. Reads the results of
+ * plant_place and, with contact, the robot's motion and contact_wrench. v: rates of the robot. Adds
+ * the powers to load. */
 void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *load);
 
-/* Contact part of plant_load_bodies: fills the robot's motion, contact_wrench and bristle_rate
- * from v, the bristles and the results of plant_place. Returns the engine's failure, if any, with
- * plant->failure set. RT-safe when the engine is. */
+/* Evaluates contact for plant_load_bodies. Fills the robot's motion, contact_wrench and
+ * bristle_rate from v, the bristles and the results of plant_place. Returns the engine's failure,
+ * if any, and sets plant->failure. RT-safe if the engine is. */
 enum error_code plant_contact_evaluate(struct plant *plant, const double *v, const double *bristle,
                                        double ahead_s);
 

@@ -12,7 +12,7 @@
 struct state {
     expr c, s;    /* cosine and sine of a revolute joint's angle */
     expr d, rate; /* displacement of a prismatic joint; rate of either joint */
-    /* angular velocity, angular acceleration; acceleration of the origin */
+    /* Newton-Euler: angular velocity, angular acceleration, acceleration of the origin */
     expr w[3], alpha[3], a[3];
     expr G[3][3];                   /* [alpha] + [w][w] */
     expr n[3], f[3];                /* moment about the origin, force */
