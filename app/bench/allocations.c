@@ -10,7 +10,7 @@ const bool bench_allocations_counted = true;
 
 static _Thread_local size_t count;
 
-/* glibc's own, under the names that it keeps for such replacements */
+/* The allocation functions of glibc, under the names that glibc exports for replacements */
 void *__libc_malloc(size_t size);
 void *__libc_calloc(size_t n, size_t size);
 void *__libc_realloc(void *memory, size_t size);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The benchmarks, and what they share. Not RT-safe. */
+/* The benchmarks and their common functions. Not RT-safe. */
 #ifndef APP_BENCH_BENCH_H
 #define APP_BENCH_BENCH_H
 
@@ -21,7 +21,7 @@
 
 /* ---- what the benchmarks share ---- */
 
-/* Options, progress and other simulators, which the benchmarks share. */
+/* Common options, progress output, and access to other simulators. */
 
 #define BENCH_OUT_OPTION(folder, files)                                                            \
     {                                                                                              \
@@ -36,12 +36,13 @@
         .help = "the module with other simulators (default: see below)", .value = (path)           \
     }
 
-/* Loads the module with other simulators. Without path a missing module is no error: library->peers
- * is NULL then, and a line on stderr says so and ends in consequence. */
+/* Loads the module with other simulators. A missing module is an error only if path is given.
+ * Without path it sets library->peers to NULL and prints a line on stderr that ends in
+ * consequence. */
 enum error_code bench_peers(const char *path, const char *consequence,
                             struct peers_library *library, struct error *error);
 
-/* Shows the progress of a run on stderr when that is a terminal; clears the line at the end. */
+/* Shows the progress of a run on stderr if stderr is a terminal. Clears the line at the end. */
 void bench_progress(const char *name, size_t done, size_t all);
 
 /* Returns the CPU time of the calling thread, s. */
@@ -50,8 +51,8 @@ double bench_cpu_s(void);
 /* Sorts the values, ascending. */
 void bench_sort(double *value, size_t count);
 
-/* Returns the median of at least one value, of an even number the upper one of the middle; sorts
- * the values. */
+/* Sorts the values and returns their median; the upper one of the two middle values for an even
+ * count. count must be at least 1. */
 double bench_median(double *value, size_t count);
 
 /* ---- the benchmarks: argv[0] is the name; each returns an enum exit_status (base/options.h), and
@@ -67,26 +68,26 @@ int bench_ticks(int argc, char **argv);
 /* ---- a robot alone ---- */
 
 /*
- * A rig's robot without drives, boards, buses and controller, timed in our plant and in MuJoCo
- * (app/bench/peers.h): its bodies alone, from the rig's pose, or standing on its feet with springs
- * in its joints.
+ * Measures a rig's robot without drives, boards, buses and controller, in our plant and in MuJoCo
+ * (app/bench/peers.h). The robot either moves freely from the rig's pose, or stands on its feet
+ * with springs in its joints.
  */
 
-/* How the robot moves, and in which engine. */
+/* Motion of the robot and engine. */
 enum alone_way {
     ALONE_BODIES,
-    ALONE_BODIES_IMPLICIT, /* MuJoCo, implicit in the rates */
-    ALONE_BODIES_EULER,    /* MuJoCo's default */
+    ALONE_BODIES_IMPLICIT, /* MuJoCo, implicit in the velocities */
+    ALONE_BODIES_EULER,    /* MuJoCo, Euler, its default */
     ALONE_STANDING,
     ALONE_STANDING_EULER,
     ALONE_WAYS
 };
 
-/* Returns the engine that can step, which is MuJoCo; NULL when there is none. */
+/* Returns the engine that can step (MuJoCo), or NULL if there is none. */
 const struct peer_dynamics *alone_find_mujoco(const struct peers *peers);
 
-/* Measures the CPU time of so many simulated seconds. mujoco is used for its own ways. *cpu_s is
- * NAN for a robot that cannot stand, or is no longer where it stood at the end. */
+/* Measures the CPU time, s, of a simulation of this many seconds. mujoco is needed for the MuJoCo
+ * ways only. *cpu_s is NAN if the robot cannot stand, or has left its place at the end. */
 enum error_code alone_measure(const char *rig, enum alone_way way,
                               const struct peer_dynamics *mujoco, double seconds, double *cpu_s,
                               struct error *error);
@@ -94,9 +95,9 @@ enum error_code alone_measure(const char *rig, enum alone_way way,
 /* ---- contact scenes ---- */
 
 /*
- * The contact scenes that are measured: the pairs of surfaces that a robot meets, the paper's five
- * bodies, and a foot on bumpy ground of more and more triangles. Shared by coman-hil-bench contact
- * and by the program that counts instructions.
+ * The measured contact scenes: pairs of surfaces that robots have, the paper's five bodies, and a
+ * foot on bumpy ground with an increasing number of triangles. The benchmark contact and the
+ * program that counts instructions use them.
  */
 
 enum {
@@ -106,72 +107,72 @@ enum {
     BENCH_SCENES = 10,
 };
 
-/* A contact scene, and the places where its bodies touch. */
+/* A contact scene, and the positions at which its bodies touch. */
 struct bench_scene {
     const char *name;
-    size_t faces;     /* triangles in all */
-    double target_us; /* of an evaluation by the native engine; 0 = none is set */
+    size_t faces;     /* number of triangles */
+    double target_us; /* target for one evaluation by the native engine; 0 = none */
     double place[BENCH_BODIES][3];
     struct contact_surface surface[BENCH_SURFACES];
     struct contact_pair pair[BENCH_PAIRS];
-    struct contact_config config; /* refers to the two above, so the scene must not be moved */
+    struct contact_config config; /* points to surface and pair, so do not move the scene */
 };
 
-/* Makes the scenes; meshes come from arena, which must outlive them, and so must foot. */
+/* Makes the scenes. They use arena and foot, which must outlive them. */
 enum error_code bench_scenes_make(struct bench_scene scene[BENCH_SCENES], size_t *nscene,
                                   const struct mesh *foot, struct arena *arena,
                                   struct error *error);
 
-/* Draws a motion of all bodies near their places: up to 10 mm aside, 0.3 mm up or down and 3
- * mrad turned, in slow motion. The same seed gives the same motion; it must not be 0, and is
- * advanced. */
+/* Draws a random slow motion of all bodies near their places: up to 10 mm sideways, 0.3 mm
+ * vertically and 3 mrad in rotation. The same seed gives the same motion. The seed must not be 0;
+ * the function advances it. */
 void bench_scene_draw(const struct bench_scene *scene, uint64_t *seed,
                       struct body_motion motion[BENCH_BODIES]);
 
 /* ---- accelerations ---- */
 
 /*
- * CPU time of a robot's generalized accelerations by number of degrees of freedom: what the
- * benchmarks dynamics and paper measure.
+ * Measures the CPU time of a robot's generalized accelerations by number of degrees of freedom. The
+ * benchmarks dynamics and paper use it.
  */
 
 enum { DYNAMICS_ENGINES = 8, DYNAMICS_SIZES = 4 };
 #define DYNAMICS_ARENA_BYTES ((size_t)256 << 20)
 
-/* An engine with a robot of one size, and its times. */
+/* One engine with a robot of one size, and its measured times. */
 struct dynamics_cell {
     void *engine;
-    size_t repeat;            /* runs through all states in one measurement */
-    double *ns;               /* time of one evaluation, by round */
-    double median, low, high; /* us; low and high: a tenth of the rounds lies beyond either */
-    /* Average relative difference from the numeric implementation over the states. */
+    size_t repeat;            /* evaluations of all states per measurement */
+    double *ns;               /* time of one evaluation in each round */
+    double median, low, high; /* us; low and high: 10th and 90th percentile of the rounds */
+    /* Mean relative difference from the numeric implementation, over all states. */
     double difference;
 };
 
 /* A measurement of all engines and sizes. */
 struct dynamics_bench {
     size_t rounds;   /* at least 1 */
-    bool whole_only; /* without the robot's parts */
-    /* the rest is filled in */
+    bool whole_only; /* measure the whole robot only, not its parts */
+    /* dynamics_bench_run sets the members below */
     const struct robot *robot[DYNAMICS_SIZES]; /* the last one is the whole robot */
     size_t nsize, nengine;
-    const struct peer_dynamics *peer[DYNAMICS_ENGINES]; /* ours first */
+    const struct peer_dynamics *peer[DYNAMICS_ENGINES]; /* our implementations first */
     struct dynamics_cell cell[DYNAMICS_ENGINES][DYNAMICS_SIZES];
-    double slope[DYNAMICS_ENGINES]; /* us a degree of freedom, least squares; 0 with one size */
+    double slope[DYNAMICS_ENGINES]; /* us per degree of freedom; 0 with one size */
 };
 
-/* Measures the robot of a file with our implementations and, unless peers is NULL, with theirs.
- * Memory from arena, at most DYNAMICS_ARENA_BYTES. dynamics_bench_end must follow, also after an
- * error. */
+/* Measures the robot in a file with our implementations and, if peers is not NULL, with other
+ * simulators. Uses at most DYNAMICS_ARENA_BYTES of arena. Call dynamics_bench_end afterwards, even
+ * after an error. */
 enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *file,
                                    const struct peers *peers, struct arena *arena,
                                    struct error *error);
 
-/* Returns the engine that the paper compares with, Simbody; 0, our numeric one, when it is not
- * there. */
+/* Returns the index of the reference engine: Simbody, as in the paper, else 0 (our numeric
+ * implementation). */
 size_t dynamics_bench_reference(const struct dynamics_bench *bench);
 
-/* A plot of the medians over the sizes, which refers to its own numbers. */
+/* A plot of the medians over the sizes. It points to its own numbers, so do not move it. */
 struct dynamics_plot {
     struct svg_plot panel;
     struct svg_series series[DYNAMICS_ENGINES];
@@ -179,7 +180,7 @@ struct dynamics_plot {
     char title[128];
 };
 
-/* Draws it. */
+/* Fills the plot. */
 void dynamics_bench_draw(const struct dynamics_bench *bench, struct dynamics_plot *plot);
 
 /* Destroys the engines. */
@@ -187,46 +188,47 @@ void dynamics_bench_end(struct dynamics_bench *bench);
 
 /* ---- our engines (engines.c) ---- */
 
-/* The implementations of struct dynamics, the numeric one first. The generated code is that built
- * in for the robot; otherwise create compiles it, which takes seconds. */
+/* Our implementations of struct dynamics; the numeric one is first, the generated code second.
+ * create uses the generated code that is built in, else compiles it, which takes seconds. */
 enum { BENCH_OURS = 2 };
 extern const struct peer_dynamics bench_ours[BENCH_OURS];
 
-enum { BENCH_NUMBERS = 1024 }; /* coordinates of a robot below, at most */
+enum { BENCH_NUMBERS = 1024 }; /* upper bound of a robot's number of coordinates */
 
-/* Makes a robot of the first njoint joints of another, whose parts it shares. Memory from arena. */
+/* Makes a robot of the first njoint joints of `whole`. It shares the parts of `whole`; its memory
+ * is from arena. */
 enum error_code bench_part(const struct robot *whole, size_t njoint, struct arena *arena,
                            const struct robot **part, struct error *error);
 
-/* Puts PEER_SLOTS random states into an engine, the same ones for every engine: positions within
- * limits, moderate rates and torques. */
+/* Stores PEER_SLOTS random states in an engine: positions within the limits, moderate velocities
+ * and torques. All engines get the same states. */
 void bench_put_states(const struct peer_dynamics *peer, void *engine, const struct robot *robot);
 
-/* Returns the average over the states of |a - b| / |b|, Euclidean norms of the accelerations that
- * two engines find; worst (may be NULL) receives the largest. Both engines hold the states of
- * bench_put_states. */
+/* Returns the mean over the states of |a - b| / |b|, with Euclidean norms of the accelerations of
+ * two engines. *worst receives the maximum; it may be NULL. Call bench_put_states for both engines
+ * first. */
 double bench_difference(const struct peer_dynamics *a, void *engine_a,
                         const struct peer_dynamics *b, void *engine_b, size_t nv, double *worst);
 
 /* ---- pendulums ---- */
 
 /*
- * A single and a double pendulum in relative and in absolute coordinates: what the benchmarks
- * pendulum and paper measure.
+ * Simulates a single and a double pendulum in relative and in absolute coordinates. The benchmark
+ * paper uses it.
  */
 
 enum { PENDULUM_STEPS = 3, PENDULUM_TURNS_MAX = 256 };
 
-#define PENDULUM_START_SPEED 2.1    /* rad a time unit */
-#define PENDULUM_TABLE_UNITS 10.0   /* time units of a row of the table */
-#define PENDULUM_PERIOD_UNITS 300.0 /* time units of a course */
+#define PENDULUM_START_SPEED 2.1    /* rad per time unit */
+#define PENDULUM_TABLE_UNITS 10.0   /* duration for a row of the table, time units */
+#define PENDULUM_PERIOD_UNITS 300.0 /* duration for Fig. 3, time units */
 #define PENDULUM_PERIOD_STEP 1e-2
 
 extern const double pendulum_step_sizes[PENDULUM_STEPS];
 extern const struct peer_pendulum pendulum_ours;
 
-/* The paper's Table 1, by number of bodies and step size: errors are relative, rtf are real-time
- * factors. */
+/* The paper's Table 1, by number of bodies and step size. Errors are relative; rtf is a real-time
+ * factor. */
 struct pendulum_paper_row {
     double robotran_energy, robotran_rtf, ode_energy, ode_constraint, ode_rtf;
 };
@@ -234,54 +236,55 @@ extern const struct pendulum_paper_row pendulum_paper[2][PENDULUM_STEPS];
 
 /* A measured row of the table. */
 struct pendulum_row {
-    double energy, constraint, rtf; /* largest relative errors; simulated over computed time */
+    double energy, constraint, rtf; /* largest relative errors; simulated time per computing time */
 };
 
 /* The measured table, by number of bodies and step size. */
 struct pendulum_table {
     const struct peer_pendulum *absolute; /* NULL = none */
-    size_t nstep;                         /* how many of pendulum_step_sizes */
+    size_t nstep;                         /* number of pendulum_step_sizes to measure */
     struct pendulum_row ours[2][PENDULUM_STEPS], theirs[2][PENDULUM_STEPS];
 };
 
-/* Measures the rows; absolute and nstep must be set. */
+/* Measures the rows. Set absolute and nstep first. */
 enum error_code pendulum_measure_table(struct pendulum_table *table, struct error *error);
 
-/* The motion of the synchronous double pendulum by one engine. */
+/* The motion of the synchronous double pendulum in one engine. */
 struct pendulum_course {
     const struct peer_pendulum *peer;
     size_t nturn, nsample;
-    /* Time at the end of each turn, and its period. */
+    /* Time at which each turn ends, and its period. */
     double end[PENDULUM_TURNS_MAX], period[PENDULUM_TURNS_MAX];
     double *time, *height; /* of the first center of mass, at every tenth step */
 };
 
-/* Runs the synchronous double pendulum over PENDULUM_PERIOD_UNITS. Memory from arena. */
+/* Simulates the synchronous double pendulum for PENDULUM_PERIOD_UNITS. Memory is from arena. */
 enum error_code pendulum_run_course(const struct peer_pendulum *peer,
                                     struct pendulum_course *course, struct arena *arena,
                                     struct error *error);
 
-/* Returns the period of the synchronous motion by the elliptic integral, time units. */
+/* Returns the analytic period of the synchronous motion, from the elliptic integral, time units. */
 double pendulum_analytic_period(void);
 
-/* Returns the first time at which the heights differ by as much, or NAN. */
+/* Returns the first time at which the two heights differ by `difference`, or NAN. */
 double pendulum_apart_at(const struct pendulum_course *a, const struct pendulum_course *b,
                          double difference);
 
-/* Returns the first end of a turn that the slower one reaches half a period late, or NAN. */
+/* Returns the end time of the first turn in which the slower pendulum is half a period late, or
+ * NAN. */
 double pendulum_antiphase_at(const struct pendulum_course *a, const struct pendulum_course *b,
                              double period);
 
 /* ---- the paper ---- */
 
 /*
- * The parts of the benchmark paper: each measures some of the paper's experiments and writes its
- * sections of the report.
+ * The parts of the benchmark paper. Each one measures some of the paper's experiments and writes
+ * its sections of the report.
  */
 
 enum { PAPER_SPEEDS = 5 };
 
-/* The benchmark under way, with its report. */
+/* A running paper benchmark, with its report. */
 struct paper {
     struct report report;
     const char *folder;
@@ -290,35 +293,36 @@ struct paper {
     size_t step, nstep;        /* for the progress line */
 };
 
-/* Shows a line of progress on a terminal: what comes now. */
+/* Shows the next step in the progress line on a terminal. */
 void paper_progress(struct paper *paper, const char *what);
 
 /* ---- runs of a rig ---- */
 
-/* A finished run of a task on a rig. */
+/* The result of a run of a task on a rig. */
 struct paper_run {
     struct arena arena;
-    struct rig rig; /* as loaded; valid until paper_run_end */
+    struct rig rig; /* the loaded rig; valid until paper_run_end */
     double seconds; /* virtual time at which the task ended */
     double cpu_s;   /* CPU time of the loop's thread */
     double wall_s;
     struct signals signals;
-    char message[160]; /* of the task */
+    char message[160]; /* the last message of the task */
 };
 
-/* A run to be made. */
+/* The settings of a run. */
 struct paper_order {
     const char *rig, *task;
     enum loop_clock clock;
-    const char *titles; /* signals to record, separated by '|'; NULL = nothing is recorded */
-    bool joints;        /* record the angle of every joint, too */
+    const char *titles; /* signals to record, separated by '|'; NULL = record nothing */
+    bool joints;        /* also record the angle of every joint */
     int64_t row_ms;
     bool one_cycle; /* run one cycle of the squat only */
 };
 
-/* Loads and runs a rig, always with the paper's friction. When it is recorded, reads the signals
- * back; the recorded frames stay in the folder's .recording until paper_run_end. A task that fails
- * is an error. paper_run_end must follow, also after an error. */
+/* Loads and runs a rig with the paper's friction model. If the order has titles, it records the
+ * signals and reads them back. The recorded frames stay in the folder .recording until
+ * paper_run_end. Returns an error if the task fails. Call paper_run_end afterwards, even after an
+ * error. */
 enum error_code paper_run(const struct paper *paper, const struct paper_order *order,
                           struct paper_run *run, struct error *error);
 void paper_run_end(const struct paper *paper, struct paper_run *run);
@@ -328,8 +332,8 @@ void paper_log_path(const struct paper *paper, char path[PATH_MAX]);
 
 /* ---- kinematics from a recording ---- */
 
-/* Computes the poses of all bodies in the world from the base's position and quaternion (base[7])
- * and the joint angles; place, m, and turn, body to world, have an entry for each body. */
+/* Computes the poses of all bodies in the world frame. base: position and quaternion of the base.
+ * place, m, and turn (rotation from body to world) have one entry per body. */
 void paper_place_bodies(const struct robot *robot, const double base[7], const double *q,
                         double (*place)[3], double (*turn)[9]);
 
@@ -338,15 +342,15 @@ double paper_mass_height(const struct robot *robot, double (*place)[3], double (
 
 /* ---- numbers from series ---- */
 
-/* Return mean, largest and smallest y over the rows with from <= x < to; not a number when there is
- * none. */
+/* Return the mean, minimum or maximum of y over the rows with from <= x < to; NAN if there is no
+ * such row. */
 double paper_mean(const double *x, const double *y, size_t count, double from, double to);
 double paper_largest(const double *x, const double *y, size_t count, double from, double to);
 double paper_smallest(const double *x, const double *y, size_t count, double from, double to);
 
 /* ---- the parts ---- */
 
-/* Measures Table 1 and Fig. 3; the timings stay in table. */
+/* Measures Table 1 and Fig. 3, and stores the times in table. */
 struct pendulum_table;
 enum error_code paper_pendulums(struct paper *paper, struct pendulum_table *table,
                                 struct error *error);
@@ -354,21 +358,22 @@ enum error_code paper_pendulums(struct paper *paper, struct pendulum_table *tabl
 enum error_code paper_grasp(struct paper *paper, struct error *error);
 /* Measures Fig. 12. */
 enum error_code paper_squat(struct paper *paper, struct error *error);
-/* Measures every timing: Fig. 4, Table 1's real-time factors, those of section 6. */
+/* Measures all times: Fig. 4 and the real-time factors of Table 1 and section 6. */
 enum error_code paper_speed(struct paper *paper, const struct pendulum_table *table,
                             struct error *error);
 
 /* ---- allocations ---- */
 
 /*
- * Counts allocations: the program's own malloc counts and calls the C library's, so that
- * allocations of shared libraries count too. Not with sanitizers, which have their own malloc.
+ * Counts allocations. The program replaces malloc with a function that counts and calls the C
+ * library, so it also counts allocations in shared libraries. It cannot count in a build with
+ * sanitizers, because they replace malloc too.
  */
 
-/* Whether this build counts allocations: with glibc, and without sanitizers. */
+/* True if this build counts allocations: with glibc and without sanitizers. */
 extern const bool bench_allocations_counted;
 
-/* Returns the number of allocations by this thread so far; 0 where they are not counted.
+/* Returns the number of allocations by this thread so far, or 0 if this build does not count.
  * RT-safe. */
 size_t bench_allocations(void);
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * coman-hil-bench contact: time of one evaluation of contact forces for the pairs of surfaces that
- * a robot meets and for the paper's five-body scene, the native engine beside Simbody in one
- * interleaved run; how it grows with the size of a mesh.
+ * coman-hil-bench contact: measures one evaluation of contact forces by the native engine and by
+ * Simbody, in one interleaved run. The scenes are pairs of surfaces that robots have, the paper's
+ * five bodies, and meshes of increasing size.
  */
 
 #include "app/bench/bench.h"
@@ -15,22 +15,22 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ARENA_BYTES ((size_t)2 << 30) /* address space */
+#define ARENA_BYTES ((size_t)2 << 30) /* reserved address space */
 
-/* Motions of each scene; engines; index of the native engine. */
+/* Number of motions per scene and of engines; index of the native engine. */
 enum { POSES = 16, ENGINES = 2, NATIVE = 0 };
 
 static const char *const engine_name[ENGINES] = {"native", "simbody"};
 
-/* A scene under measurement: motions in which its bodies touch, and what was measured. */
+/* A measured scene: its motions and its results. */
 struct result {
     struct body_motion motion[POSES][BENCH_BODIES];
     struct contact_world *world[ENGINES];
-    double *us[ENGINES];         /* time of one evaluation, by round */
-    double allocations[ENGINES]; /* allocations of one evaluation */
+    double *us[ENGINES];         /* time of one evaluation in each round */
+    double allocations[ENGINES]; /* allocations per evaluation */
 };
 
-/* The benchmark under way. */
+/* A running benchmark. */
 struct bench {
     size_t rounds, nscene;
     struct arena arena;
@@ -38,7 +38,7 @@ struct bench {
     struct result result[BENCH_SCENES];
 };
 
-/* Creates both engines for each scene, and draws its motions. */
+/* Creates both engines for each scene, and draws the motions. */
 static enum error_code contact_bench_create_worlds(struct bench *bench, struct error *error)
 {
     uint64_t seed = 7;
@@ -72,13 +72,13 @@ static enum error_code contact_bench_create_worlds(struct bench *bench, struct e
 
 /* ---- measuring ---- */
 
-/* Evaluates every motion a few times; returns the CPU time of one evaluation, us, and counts its
+/* Evaluates every motion several times. Returns the CPU time of one evaluation, us, and counts its
  * allocations. */
 static double contact_bench_time_engine(struct result *r, int engine)
 {
     struct contact_world *world = r->world[engine];
     struct contact_wrench wrench[BENCH_BODIES];
-    /* The native engine is so fast that it is repeated to outlast the clock's resolution */
+    /* Repeat the native engine, because one evaluation is shorter than the clock's resolution */
     const int repeat = engine == NATIVE ? 20 : 1;
     size_t allocations = bench_allocations();
     double start = bench_cpu_s(), us;
@@ -93,7 +93,7 @@ static double contact_bench_time_engine(struct result *r, int engine)
     return us;
 }
 
-/* Prints a table of medians, with the engines' ratio and the native engine's target. */
+/* Prints a table of medians, with the ratio of the engines and the target of the native engine. */
 static void contact_bench_print_rounds(struct bench *bench)
 {
     printf("microseconds of CPU and allocations an evaluation, median of %zu interleaved rounds of "
@@ -104,7 +104,8 @@ static void contact_bench_print_rounds(struct bench *bench)
     }
     printf(" %8s %8s %8s\n", "ratio", "target", "force N");
 
-    /* A row for each scene: the engines, their ratio, and the force as a check that they touch */
+    /* One row per scene: both engines, their ratio, and the force, which shows that the bodies
+     * touch */
     for (size_t i = 0; i < bench->nscene; i++) {
         const struct bench_scene *s = &bench->scene[i];
         struct result *r = &bench->result[i];
@@ -159,7 +160,7 @@ static enum error_code contact_bench_run(struct bench *bench, const char *foot, 
         contact_bench_print_rounds(bench);
     }
 
-    /* Simbody's worlds have memory of their own; the native ones are in the arena */
+    /* Simbody allocates its worlds itself; the native worlds are in the arena */
     for (size_t i = 0; i < bench->nscene; i++) {
         struct contact_world *simbody = bench->result[i].world[1];
 
@@ -198,7 +199,7 @@ int bench_contact(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
-    /* The scenes take meshes of their own beside the foot's */
+    /* The scenes allocate further meshes in the same arena as the foot */
     bench.rounds = (size_t)rounds;
     code = arena_init(&bench.arena, ARENA_BYTES, &error);
     if (!code) {

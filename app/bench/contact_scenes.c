@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the contact scenes that are measured. */
+/* Makes the contact scenes of the benchmarks. */
 #include "app/bench/bench.h"
 
 #include "base/array.h"
@@ -7,12 +7,14 @@
 #include <math.h>
 #include <string.h>
 
-/* Materials of foot and ground as in the paper's walking code, of the box as in its Table 2. */
+/* Foot and ground have the materials of the paper's walking code; the box has that of its Table
+ * 2. */
 static const struct contact_material foot_material = {1e5, 2e-4, 10, 1.1, 0.9, 0, 0};
 static const struct contact_material ground_material = {1e5, 1e-3, 10, 1.1, 0.9, 0, 0};
 static const struct contact_material box_material = {1e4, 1e-3, 10, 1.1, 0.9, 0.5, 0};
 
-/* Draws a number from -1 to 1 (xorshift64*); advances the seed, which must not be 0. */
+/* Returns a random number from -1 to 1 (xorshift64*), and advances the seed, which must not be
+ * 0. */
 static double random_number(uint64_t *seed)
 {
     *seed ^= *seed >> 12;
@@ -21,14 +23,14 @@ static double random_number(uint64_t *seed)
     return (double)((*seed * 2685821657736338717u) >> 11) / 4503599627370496.0 - 1;
 }
 
-/* The scenes so far. */
+/* The list of scenes under construction. */
 struct scenes {
     struct bench_scene *scene;
     size_t count;
     const struct mesh *foot;
 };
 
-/* Adds a scene without surfaces; target_us 0 = none. */
+/* Adds a scene without surfaces. target_us 0 = no target. */
 static struct bench_scene *add_scene(struct scenes *scenes, const char *name, size_t nbody,
                                      double target_us)
 {
@@ -66,7 +68,7 @@ static void add_mesh(struct bench_scene *scene, int body, const struct mesh *mes
     scene->faces += mesh->nface;
 }
 
-/* Adds a box of these half sides, m, with its faces divided into cells x cells squares of two
+/* Adds a box with half sides in m. Each face is divided into cells x cells squares of two
  * triangles. */
 static struct contact_surface *add_box(struct bench_scene *scene, int body, double x, double y,
                                        double z, int cells, const struct contact_material *material)
@@ -81,20 +83,20 @@ static struct contact_surface *add_box(struct bench_scene *scene, int body, doub
     return s;
 }
 
-/* Lets two surfaces touch. */
+/* Adds a pair of surfaces that may touch. */
 static void add_pair(struct bench_scene *scene, int a, int b)
 {
     scene->pair[scene->config.npair++] = (struct contact_pair){.a = a, .b = b};
 }
 
-/* Places a body where it touches, m. */
+/* Sets the position, m, at which a body touches. */
 static void scene_place_body(struct bench_scene *scene, int body, double x, double y, double z)
 {
     memcpy(scene->place[body], (double[3]){x, y, z}, sizeof scene->place[body]);
 }
 
-/* Makes a block of ground with bumps of 4 mm every 15 cm, of cells x cells squares of 2.5 cm. NULL
- * without memory. */
+/* Makes a block of ground with 4 mm bumps every 15 cm, from cells x cells squares of 2.5 cm.
+ * Returns NULL without memory. */
 static const struct mesh *make_terrain(struct arena *arena, int cells, struct error *error)
 {
     const double side = cells * 0.0125, half[3] = {side, side, 0.05};
@@ -156,7 +158,7 @@ enum error_code bench_scenes_make(struct bench_scene scene[BENCH_SCENES], size_t
     struct scenes all = {scene, 0, foot}, *scenes = &all;
     struct bench_scene *s = add_scene(scenes, "foot on half-space", 1, 0.6);
 
-    /* One pair of surfaces each; bodies are placed 0.5 or 1 mm deep */
+    /* Scenes with one pair of surfaces; bodies penetrate by 0.5 or 1 mm */
     add_surface(s, -1, CONTACT_HALF_SPACE, &ground_material);
     add_mesh(s, 0, scenes->foot, &foot_material);
     add_pair(s, 0, 1);
@@ -182,7 +184,7 @@ enum error_code bench_scenes_make(struct bench_scene scene[BENCH_SCENES], size_t
 
     scene_add_five_bodies(scenes);
 
-    /* The same foot on terrains of more and more triangles */
+    /* The foot on terrains with an increasing number of triangles */
     for (size_t i = 0; i < ARRAY_COUNT(cells); i++) {
         const struct mesh *terrain = make_terrain(arena, cells[i], error);
 
@@ -206,7 +208,7 @@ void bench_scene_draw(const struct bench_scene *scene, uint64_t *seed,
         struct body_motion *m = &motion[b];
         double q[4] = {1, 0, 0, 0}, norm;
 
-        /* A small turn, as a quaternion, and a small shift about the place; slow velocities */
+        /* Small rotation as a quaternion, small displacement from the place, low velocities */
         for (int i = 0; i < 3; i++) {
             q[i + 1] = 1.5e-3 * random_number(seed);
             m->p[i] = scene->place[b][i] + (i < 2 ? 1e-2 : 3e-4) * random_number(seed);

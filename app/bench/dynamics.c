@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * coman-hil-bench dynamics: CPU time of a robot's generalized accelerations by number of degrees of
- * freedom, ours and other simulators' in one interleaved run (the paper's section 3.2 and Fig. 4).
+ * coman-hil-bench dynamics: measures the CPU time of a robot's generalized accelerations by number
+ * of degrees of freedom. Our implementations and other simulators run interleaved (the paper's
+ * section 3.2 and Fig. 4).
  */
 #include "app/bench/bench.h"
 
@@ -15,12 +16,12 @@
 #include <string.h>
 #include <unistd.h>
 
-#define BATCH_NS 200000.0 /* time of one measurement: many times what reading the clock takes */
+#define BATCH_NS 200000.0 /* duration of one measurement, much longer than reading the clock */
 
 enum { ROUNDS_MAX = 100000 };
 
-/* Joints of parts of COMAN: waist and one leg, both legs, torso. The last size is the whole
- * robot. */
+/* Number of joints of parts of COMAN: waist and one leg; both legs; both legs and torso. The last
+ * size is the whole robot. */
 static const size_t part_joints[DYNAMICS_SIZES - 1] = {6, 12, 15};
 
 /* Measures the CPU time of one evaluation, ns. */
@@ -37,7 +38,7 @@ static double dynamics_bench_time_cell(const struct peer_dynamics *peer,
     return 1e9 * (bench_cpu_s() - start) / (double)(cell->repeat * PEER_SLOTS);
 }
 
-/* Makes the parts of the robot that are smaller than it, and the whole. */
+/* Makes a robot of each size: the parts of the robot, then the whole. */
 static enum error_code take_sizes(struct dynamics_bench *bench, const struct robot *whole,
                                   struct arena *arena, struct error *error)
 {
@@ -54,8 +55,8 @@ static enum error_code take_sizes(struct dynamics_bench *bench, const struct rob
     return ERROR_NONE;
 }
 
-/* Creates an engine for a size, puts the states into it, compares it with the first engine, and
- * finds how often a measurement repeats all states. */
+/* Creates an engine for a size and stores the states in it. Compares it with the first engine, and
+ * finds how many times a measurement must repeat all states. */
 static enum error_code create_cell(struct dynamics_bench *bench, size_t e, size_t s,
                                    struct arena *arena, struct error *error)
 {
@@ -80,7 +81,7 @@ static enum error_code create_cell(struct dynamics_bench *bench, size_t e, size_
     return ERROR_NONE;
 }
 
-/* Computes medians and spreads of the cells, us, and the least-squares slope over the sizes, us a
+/* Computes median and spread of each cell, us, and the least-squares slope over the sizes, us per
  * degree of freedom. */
 static void dynamics_bench_evaluate(struct dynamics_bench *bench)
 {
@@ -104,8 +105,6 @@ static void dynamics_bench_evaluate(struct dynamics_bench *bench)
     }
 }
 
-/* Returns the engine that speeds are compared with: Simbody, as in the paper, or else the first
- * one. */
 size_t dynamics_bench_reference(const struct dynamics_bench *bench)
 {
     for (size_t e = 0; e < bench->nengine; e++) {
@@ -116,8 +115,7 @@ size_t dynamics_bench_reference(const struct dynamics_bench *bench)
     return 0;
 }
 
-/* Prints the table with a row for each engine, what the generated code costs, and the paper's
- * numbers. */
+/* Prints one row per engine, the operation count of the generated code, and the paper's numbers. */
 static void dynamics_bench_print_table(const struct dynamics_bench *bench)
 {
     const size_t last = bench->nsize - 1, reference = dynamics_bench_reference(bench);
@@ -221,7 +219,7 @@ enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *fil
         code = take_sizes(bench, whole, arena, error);
     }
 
-    /* The first engine, our numeric one, is what the others are compared with */
+    /* The first engine, our numeric implementation, is the reference for the differences */
     /* Lists our implementations, then those of other simulators */
     for (size_t i = 0; i < BENCH_OURS; i++) {
         bench->peer[bench->nengine++] = &bench_ours[i];
@@ -307,7 +305,6 @@ int bench_dynamics(int argc, char **argv)
         goto end_peers;
     }
 
-    /* Measure, print, then write */
     code = dynamics_bench_run(&bench, file, library.peers, &arena, &error);
     if (code) {
         goto end_run;

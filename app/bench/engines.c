@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Wraps our dynamics as engines beside those of other simulators. */
+/* Wraps our implementations of the dynamics in the interface for other simulators. */
 #include "app/bench/bench.h"
 
 #include "model/dynamics.h"
@@ -14,12 +14,12 @@
 
 #define ARENA_BYTES ((size_t)16 << 20)
 
-/* A state with its torques. */
+/* A state, and joint torques. */
 struct state {
     double *q, *v, *tau;
 };
 
-/* One of our implementations with the states that it is measured in. */
+/* One of our implementations, and the states in which it is measured. */
 struct engine {
     struct arena arena;
     struct dynamics dynamics;
@@ -28,7 +28,6 @@ struct engine {
     double *vdot;
 };
 
-/* Destroys an engine with all that it holds. */
 static void bench_engine_destroy(void *memory)
 {
     struct engine *engine = memory;
@@ -38,7 +37,8 @@ static void bench_engine_destroy(void *memory)
     free(engine);
 }
 
-/* Makes an engine with room for states and without dynamics; NULL with an error. */
+/* Makes an engine with memory for the states, but without dynamics. Returns NULL and an error if
+ * this fails. */
 static struct engine *bench_engine_begin(const struct robot *robot, struct error *error)
 {
     struct engine *engine = calloc(1, sizeof *engine);
@@ -67,7 +67,7 @@ static struct engine *bench_engine_begin(const struct robot *robot, struct error
     return engine;
 }
 
-/* Returns the engine, or destroys it after an error and returns NULL with the message. */
+/* Returns the engine. After an error, destroys it, sets the message and returns NULL. */
 static void *bench_engine_finish(struct engine *engine, enum error_code code,
                                  const struct error *error, char *message, size_t size)
 {
@@ -94,7 +94,7 @@ static void *bench_engine_create_generic(const struct robot *robot, char *messag
     return bench_engine_finish(engine, code, &error, message, size);
 }
 
-/* Creates an engine with the generated code: built in, or else compiled now. */
+/* Creates an engine with the generated code: the built-in code, or else code compiled now. */
 static void *bench_engine_create_generated(const struct robot *robot, char *message, size_t size)
 {
     static const struct symbolic_options options = {.lanes = 4};
@@ -113,7 +113,7 @@ static void *bench_engine_create_generated(const struct robot *robot, char *mess
     return bench_engine_finish(engine, code, &error, message, size);
 }
 
-/* Keeps a state of the engine in a slot. */
+/* Stores a state in a slot. */
 static void bench_engine_put_state(void *memory, size_t slot, const double *q, const double *v,
                                    const double *tau)
 {
@@ -135,7 +135,7 @@ static void bench_engine_run_state(void *memory, size_t slot)
                                   engine->vdot);
 }
 
-/* Copies the accelerations of the last run. */
+/* Copies the accelerations of the last evaluation. */
 static void bench_engine_get_accelerations(void *memory, double *vdot)
 {
     const struct engine *engine = memory;
@@ -165,7 +165,8 @@ enum error_code bench_part(const struct robot *whole, size_t njoint, struct aren
     robot->nbody = njoint + 1;
     robot->njoint = njoint;
 
-    /* Frames, sensors and poses may refer to bodies that are not part of it */
+    /* Omit frames, sensors and poses, because they may refer to bodies that the part does not
+     * have */
     robot->nframe = robot->ncapsule = robot->nft = robot->npose = 0;
     robot->imu_frame = -1;
     for (size_t b = 0; b < robot->nbody; b++) {
@@ -175,7 +176,7 @@ enum error_code bench_part(const struct robot *whole, size_t njoint, struct aren
     return robot_finish(robot, error);
 }
 
-/* Draws a number between two bounds (splitmix64). */
+/* Returns a random number between two bounds (splitmix64). */
 static double random_in(uint64_t *seed, double lower, double upper)
 {
     uint64_t z = *seed += UINT64_C(0x9e3779b97f4a7c15);
@@ -194,7 +195,7 @@ void bench_put_states(const struct peer_dynamics *peer, void *engine, const stru
     for (size_t slot = 0; slot < PEER_SLOTS; slot++) {
         double square = 0.0;
 
-        /* The base: a position, and a quaternion that is then made a unit one */
+        /* The base: a position, and a quaternion that is normalized below */
         for (size_t i = 0; i < base; i++) {
             q[i] = random_in(&seed, -1.0, 1.0);
             square += i >= 3 ? q[i] * q[i] : 0.0;
@@ -233,7 +234,7 @@ double bench_difference(const struct peer_dynamics *a, void *engine_a,
         }
         relative = sqrt(difference / size);
         sum += relative;
-        /* A comparison, not fmax: a result that is not a number must not vanish */
+        /* A comparison instead of fmax, because fmax would ignore a NAN */
         largest = relative <= largest ? largest : relative;
     }
     if (worst) {

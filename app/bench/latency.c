@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * coman-hil-bench latency: measures the time from a frame that goes out to the frame that answers
- * it, by the kernel's time stamps: for an echo by a bare thread on the same interface, and for
- * boards, virtual or real, from the command that switches a motor to the first telemetry that says
- * so. Beside them how late a timer wakes the measuring thread, as cyclictest does. One sample of
- * each in turn.
+ * coman-hil-bench latency: measures the time from a sent frame to its answer, by the kernel's time
+ * stamps. It measures an echo by a thread on the same interface. It also measures virtual or real
+ * boards, from a command that switches a motor to the first telemetry that shows the new state. For
+ * comparison, it measures how late a timer wakes the measuring thread, as cyclictest does. It takes
+ * one sample of each kind in turn.
  */
 #include "app/bench/latency_tap.h"
 #include "app/bench/bench.h"
@@ -25,7 +25,7 @@
 
 enum { ARENA_BYTES = 1 << 30, COUNT_MAX = 10000000, PRIORITY_MAX = 98 };
 
-/* Extended identifiers that no board here knows and that lose every arbitration. */
+/* Extended identifiers that no board uses and that have the lowest priority on the bus. */
 enum { LATENCY_PING = 0x1ffffff0, LATENCY_PONG = 0x1ffffff1 };
 
 enum latency_kind { LATENCY_WAKE_UP, LATENCY_ECHO, LATENCY_BOARDS, LATENCY_KINDS };
@@ -40,30 +40,30 @@ struct latency_result {
 
 #define LATENCY_TIMEOUT_NS INT64_C(1000000000)
 
-/* The boards that are measured; tap[bus] are the host's ports. */
+/* The measured boards. tap[bus] are the ports of the host. */
 struct latency_boards {
     struct host *host;
     struct latency_tap **tap;
-    size_t nbus, axis, bus; /* axis whose motor is switched, and its bus */
-    int64_t period_ns;      /* of the host */
+    size_t nbus, axis, bus; /* the axis whose motor is switched, and its bus */
+    int64_t period_ns;      /* control period of the host */
     const char *joint;
 };
 
 static volatile bool latency_stopped;
 
-/* Notes a stop; a signal handler. */
+/* Requests a stop; a signal handler. */
 static void latency_stop(int number)
 {
     (void)number;
     latency_stopped = true;
 }
 
-/* Wait for the boards, which may boot for some seconds. */
+/* Longest wait for the boards, which may need seconds to boot. */
 static const int64_t START_UP_NS = 15 * CLOCK_SECOND;
 
 /* ---- waiting ---- */
 
-/* Waits until a frame has come on one of the taps, or until the time. */
+/* Waits until one of the taps has received a frame, or until the given time. */
 static void latency_wait_frames(struct latency_tap *const *tap, size_t count, int64_t until_ns)
 {
     struct pollfd fds[64];
@@ -89,7 +89,8 @@ static uint64_t latency_count_frames(const struct latency_boards *boards)
     return frames;
 }
 
-/* Receives until the motor is in the wanted state, or until the time; returns whether it is. */
+/* Receives frames until the motor is in the wanted state, or until the given time. Returns whether
+ * the motor is in that state. */
 static bool latency_read_until(const struct latency_boards *boards, enum host_motor wanted,
                                int64_t until_ns)
 {
@@ -104,7 +105,7 @@ static bool latency_read_until(const struct latency_boards *boards, enum host_mo
             return true;
         }
 
-        /* Waits only when nothing has come since the last look */
+        /* Wait only if no frame has arrived since the last check */
         if (latency_count_frames(boards) == frames) {
             if (now >= until_ns) {
                 return false;
@@ -116,7 +117,7 @@ static bool latency_read_until(const struct latency_boards *boards, enum host_mo
 
 /* ---- one sample of each kind ---- */
 
-/* Takes a sample of the time from a ping to its pong on a bare interface. */
+/* Measures the time from a ping to its pong on an interface without boards. */
 static void latency_sample_echo(struct latency_tap *ping, uint32_t number,
                                 struct latency_result *result)
 {
@@ -143,8 +144,8 @@ static void latency_sample_echo(struct latency_tap *ping, uint32_t number,
     result->lost[LATENCY_ECHO]++;
 }
 
-/* Takes a sample of the time from a command that switches the motor to the telemetry that says so.
- * The command is repeated every period, as a host does when set-points are due. */
+/* Measures the time from a command that switches the motor to the telemetry that shows it. Repeats
+ * the command every period, as a host repeats its set points. */
 static void latency_sample_boards(const struct latency_boards *boards, bool on,
                                   struct latency_result *result)
 {
@@ -174,7 +175,7 @@ struct latency_echo {
     pthread_t thread;
 };
 
-/* Answers each ping with a pong of the same data, at the priority given. */
+/* Answers each ping with a pong that has the same data. Runs at the given priority. */
 static void *latency_echo_main(void *context)
 {
     struct latency_echo *echo = context;
@@ -200,14 +201,14 @@ static void *latency_echo_main(void *context)
 
 /* ---- the measurement ---- */
 
-/* Finds and configures the boards and switches the motor off; leaves the others as they are.
- * ERROR_SYSTEM with the host's message when they do not answer. */
+/* Finds and configures the boards, and switches the measured motor off; other motors stay as they
+ * are. Returns ERROR_SYSTEM with the host's message if the boards do not answer. */
 static enum error_code latency_find_boards(const struct latency_boards *boards, struct error *error)
 {
     int64_t now = clock_now(clock_monotonic()), until = now + START_UP_NS;
     enum host_phase phase = HOST_DISCOVERING;
 
-    /* Goes on until the boards are configured; motors are not switched on */
+    /* Repeat until the boards are configured; leave the motors off */
     while (phase < HOST_ENABLING && now < until) {
         now += boards->period_ns;
         latency_read_until(boards, (enum host_motor) - 1, now);
@@ -225,8 +226,8 @@ static enum error_code latency_find_boards(const struct latency_boards *boards, 
                                           : "the boards do not answer within 15 s");
 }
 
-/* Waits for two periods and a part of a third, another part each time (a golden-ratio sequence), so
- * that commands meet the boards at all phases of their period. */
+/* Waits for two periods plus a fraction of a third period. The fractions are a golden-ratio
+ * sequence, so that the commands cover all phases of the boards' period. */
 static void latency_shift(const struct latency_boards *boards, size_t number)
 {
     static const uint32_t golden = 2654435769u; /* 2^32 / 1.618 */
@@ -237,9 +238,9 @@ static void latency_shift(const struct latency_boards *boards, size_t number)
     latency_read_until(boards, (enum host_motor) - 1, until);
 }
 
-/* Takes count samples of each kind, in turn; boards may be NULL. ping hears its own frames
- * (receive_own) and pongs; echo is the port of the echo, which runs in a thread of its own with the
- * priority. Ends early after a stop. Leaves the motor off. */
+/* Takes count samples of each kind, in turn. boards may be NULL. ping receives its own frames
+ * (receive_own) and the pongs. A thread with the given priority answers on the port echo. A stop
+ * ends the measurement early. Leaves the motor off. */
 static enum error_code latency_measure(const struct latency_boards *boards,
                                        struct latency_tap *ping, struct can_port *echo,
                                        int priority, size_t count, struct latency_result *result,
@@ -254,7 +255,7 @@ static enum error_code latency_measure(const struct latency_boards *boards,
     for (size_t i = 0; i < count && !latency_stopped; i++) {
         int64_t at = clock_now(clock_monotonic()) + CLOCK_MS;
 
-        /* How late a timer wakes this thread */
+        /* Measure how late a timer wakes this thread */
         clock_sleep_until(clock_monotonic(), at);
         histogram_add(&result->of[LATENCY_WAKE_UP], clock_now(clock_monotonic()) - at);
         latency_sample_echo(ping, (uint32_t)i, result);
@@ -274,7 +275,7 @@ static enum error_code latency_measure(const struct latency_boards *boards,
 
 /* ---- what was measured ---- */
 
-/* Prints the percentiles of a kind, us. */
+/* Prints the percentiles of one kind of sample, us. */
 static void latency_print_line(const struct latency_result *result, int kind, FILE *out)
 {
     static const double part[] = {0.5, 0.9, 0.99, 0.999};
@@ -287,7 +288,7 @@ static void latency_print_line(const struct latency_result *result, int kind, FI
     fprintf(out, " %9.1f %8" PRIu64 "\n", 1e-3 * (double)of->max, result->lost[kind]);
 }
 
-/* Counts the samples in buckets whose upper edge lies within (above, upto] ns. */
+/* Counts the samples in buckets whose upper edge is in (above, upto] ns. */
 static uint64_t latency_count_between(const struct histogram *of, int64_t above, int64_t upto)
 {
     uint64_t count = 0;
@@ -300,7 +301,7 @@ static uint64_t latency_count_between(const struct histogram *of, int64_t above,
     return count;
 }
 
-/* Prints a table of percentiles, us, and how many samples lie between 1, 2, 5, 10 ... us. */
+/* Prints a table of percentiles, us, and the number of samples between 1, 2, 5, 10 ... us. */
 static void latency_print(const struct latency_result *result, const char *joint, FILE *out)
 {
     static const int step[] = {1, 2, 5};
@@ -326,7 +327,7 @@ static void latency_print(const struct latency_result *result, const char *joint
         all = result->of[kind].max > all ? result->of[kind].max : all;
     }
 
-    /* Steps of 1, 2, 5 in each decade, from the first that has a sample to the largest one */
+    /* Steps of 1, 2, 5 per decade, from the smallest sample to the largest */
     for (int n = 0; above < all; n++, above = upto) {
         uint64_t of[LATENCY_KINDS], any = 0;
 
@@ -355,7 +356,7 @@ struct latency_command {
     int64_t count, priority;
 };
 
-/* Opens an interface with a tap, which also hears what is sent. */
+/* Opens an interface with a tap, which also receives its own frames. */
 static enum error_code latency_open_tap(const char *interface, bool fd,
                                         const struct frame_filter *filter, size_t nfilter,
                                         struct arena *arena, struct latency_tap **tap,
@@ -381,7 +382,7 @@ static enum error_code latency_open_tap(const char *interface, bool fd,
     return code;
 }
 
-/* Opens the host's ports on every bus of the rig, and finds the axis that is to be switched. */
+/* Opens the host's ports on every bus of the rig, and finds the axis to switch. */
 static enum error_code latency_join_rig(const struct latency_command *options,
                                         const struct rig *rig, struct arena *arena,
                                         struct latency_boards *boards, struct error *error)
@@ -398,8 +399,7 @@ static enum error_code latency_join_rig(const struct latency_command *options,
         return error_set(error, ERROR_MEMORY, "no memory left for the buses");
     }
 
-    /* A tap on each bus; the ports that were opened are closed by the caller, also after an
-     * error */
+    /* Put a tap on each bus; the caller closes the opened ports, even after an error */
     code = buses_open(rig, TRANSPORT_SOCKETCAN, options->bus.item, options->bus.count, 0, false,
                       arena, &buses, notice, error);
     for (; !code && boards->nbus < rig->nbus; boards->nbus++) {
@@ -422,7 +422,7 @@ static enum error_code latency_join_rig(const struct latency_command *options,
         return code;
     }
 
-    /* The joint that was named, or the rig's first axis */
+    /* Use the given joint, else the rig's first axis */
     axis = options->joint ? host_find_axis(boards->host, options->joint) : 0;
     if (axis < 0 || config.naxis == 0) {
         return error_set(error, ERROR_INPUT, "no board of the rig drives a joint '%s'",
@@ -435,7 +435,7 @@ static enum error_code latency_join_rig(const struct latency_command *options,
     return ERROR_NONE;
 }
 
-/* Measures and prints, once everything is open. */
+/* Measures and prints the results, after everything is open. */
 static enum error_code latency_run(const struct latency_command *options, const char *interface,
                                    const struct latency_boards *boards, struct latency_tap *ping,
                                    struct can_port *echo, struct error *error)
@@ -454,7 +454,7 @@ static enum error_code latency_run(const struct latency_command *options, const 
         return code;
     }
 
-    /* Ctrl-C ends the measurement early, with the samples so far */
+    /* Ctrl-C ends the measurement early and keeps the samples so far */
     signal(SIGINT, latency_stop);
     code = latency_measure(boards, ping, echo, (int)options->priority, (size_t)options->count,
                            &result, error);
@@ -469,7 +469,7 @@ static enum error_code latency_run(const struct latency_command *options, const 
         return code;
     }
 
-    /* Writes every bucket that is not empty: its upper edge in us, and the counts */
+    /* Write every bucket that is not empty: its upper edge, us, and the counts */
     fprintf(file.whole.out, "upto_us,wake_up,echo,boards\n");
     for (unsigned i = 0; i < HISTOGRAM_BUCKETS; i++) {
         uint64_t of[LATENCY_KINDS], any = 0;
@@ -485,7 +485,7 @@ static enum error_code latency_run(const struct latency_command *options, const 
     return whole_file_close(&file.whole, ERROR_NONE, error);
 }
 
-/* Opens the buses of the rig, or the interface, and measures; closes all ports. */
+/* Opens the buses of the rig or the interface, measures, and closes all ports. */
 static enum error_code latency_open_and_run(const struct latency_command *options,
                                             struct arena *arena, struct error *error)
 {
@@ -505,7 +505,7 @@ static enum error_code latency_open_and_run(const struct latency_command *option
         echo_config.interface = code ? NULL : boards.tap[boards.bus]->port.bus;
     }
 
-    /* The echo is on the bus of the axis, so that both kinds have the same interface */
+    /* The echo uses the bus of the axis, so that both kinds share an interface */
     code =
         code ? code
              : latency_open_tap(echo_config.interface, false, ping_filter, 1, arena, &ping, error);
@@ -564,7 +564,7 @@ int bench_latency(int argc, char **argv)
         return status;
     }
 
-    /* Either a rig, which names its interfaces, or an interface alone */
+    /* The user must give either a rig, which names its interfaces, or an interface */
     if (!o.rig == !o.interface) {
         code = error_set(&error, ERROR_INPUT,
                          "expected a RIG whose boards are on the buses, or --interface IFACE");

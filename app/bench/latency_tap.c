@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A port that tells when frames passed the kernel. */
+/* A CAN port that records the kernel's time stamps of frames. */
 #include "app/bench/latency_tap.h"
 
 #include <string.h>
 
-/* Copies state and counters of the port behind the tap. */
+/* Copies the state and the counters of the inner port. */
 static void latency_tap_copy_state(struct latency_tap *tap)
 {
     tap->port.state = tap->inner->state;
     tap->port.counters = tap->inner->counters;
 }
 
-/* Checks whether a frame is one that was sent here; if so, counts it as come back. */
+/* Checks whether a frame was sent by this port. If so, removes it from the list of sent frames. */
 static bool latency_tap_comes_back(struct latency_tap *tap, const struct bus_frame *frame)
 {
     for (size_t i = 0; i < tap->nsent; i++) {
@@ -31,7 +31,7 @@ static bool latency_tap_comes_back(struct latency_tap *tap, const struct bus_fra
     return false;
 }
 
-/* Hands on one received frame at most, without those that were sent here. */
+/* Returns at most one received frame; skips frames that this port has sent. */
 static size_t latency_tap_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     struct latency_tap *tap = (struct latency_tap *)port;
@@ -55,13 +55,13 @@ static size_t latency_tap_receive(struct can_port *port, struct bus_frame *frame
     return 0;
 }
 
-/* Sends frames and remembers them until they come back. */
+/* Sends frames and stores them until the interface returns them. */
 static size_t latency_tap_send(struct can_port *port, const struct bus_frame *frames, size_t count)
 {
     struct latency_tap *tap = (struct latency_tap *)port;
     size_t sent;
 
-    /* Frames that never came back, as on an interface that is down, make room */
+    /* Drop the oldest frames that the interface has not returned, for example because it is down */
     for (size_t i = 0; i < count; i++) {
         if (tap->nsent == LATENCY_TAP_SENT) {
             tap->nsent--;
@@ -74,7 +74,7 @@ static size_t latency_tap_send(struct can_port *port, const struct bus_frame *fr
     return sent;
 }
 
-/* Returns the descriptor of the port behind the tap. */
+/* Returns the descriptor of the inner port. */
 static int latency_tap_descriptor(const struct can_port *port)
 {
     const struct latency_tap *tap = (const struct latency_tap *)port;
@@ -82,7 +82,7 @@ static int latency_tap_descriptor(const struct can_port *port)
     return tap->inner->ops->descriptor(tap->inner);
 }
 
-/* Closes the port behind the tap. */
+/* Closes the inner port. */
 static void latency_tap_close(struct can_port *port)
 {
     struct latency_tap *tap = (struct latency_tap *)port;

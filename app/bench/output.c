@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Does what the benchmarks share. */
+/* Functions common to the benchmarks. */
 #include "app/bench/bench.h"
 
 #include <stdlib.h>

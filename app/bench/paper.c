@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil-bench paper: reproduces every table and figure of the paper that can be reproduced, in
- * one report. */
+/* coman-hil-bench paper: reproduces the tables and figures of the paper in one report. */
 #include "app/bench/bench.h"
 
 #include "base/options.h"
@@ -21,7 +20,7 @@ void paper_progress(struct paper *paper, const char *what)
     }
 }
 
-/* Adds the findings that depend on choices of ours where the paper is silent. */
+/* Adds the findings that depend on our own choices, where the paper gives no value. */
 static void put_choices(struct report *report)
 {
     report_section(report, "choices", "What follows from choices of ours");
@@ -52,7 +51,7 @@ static void put_choices(struct report *report)
                "it out; no other mass makes both turn as one.");
 }
 
-/* Adds what is not reproduced, and why. */
+/* Adds the list of results that are not reproduced, with reasons. */
 static void put_rest(struct report *report)
 {
     report_section(report, "rest", "What is not reproduced");
@@ -80,7 +79,7 @@ static enum error_code paper_measure_all(struct paper *paper, struct error *erro
     char path[PATH_MAX];
     enum error_code code;
 
-    /* Look for a rig first: a missing one is reported before the minutes that the pendulums take */
+    /* Find a rig first, so that a missing rig is reported before the pendulums run for minutes */
     if ((code = config_locate(CONFIG_RIG, "grasp", path, error)) ||
         (code = paper_pendulums(paper, &table, error)) || (code = paper_grasp(paper, error)) ||
         (code = paper_squat(paper, error)) || (code = paper_speed(paper, &table, error))) {
@@ -91,7 +90,7 @@ static enum error_code paper_measure_all(struct paper *paper, struct error *erro
     return ERROR_NONE;
 }
 
-/* Opens the report, fills and closes it; nothing is written after an error. */
+/* Opens, fills and closes the report. After an error it writes nothing more. */
 static enum error_code make_report(struct paper *paper, struct error *error)
 {
     struct error closing;
@@ -146,7 +145,7 @@ int bench_paper(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
-    /* Other simulators are optional: without them the report has our numbers only */
+    /* Other simulators are optional: without them the report has only our numbers */
     code = bench_peers(module, "ours only", &library, &error);
     if (!code) {
         paper = (struct paper){.folder = folder,

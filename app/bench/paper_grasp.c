@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reproduces the paper's section 6: Table 2 and Figs. 8 to 11, COMAN takes a box from a table. */
+/* Reproduces the paper's section 6, Table 2 and Figs. 8 to 11: COMAN takes a box from a table. */
 #include "app/bench/bench.h"
 
 #include "model/spatial.h"
@@ -10,11 +10,11 @@
 
 #define GRASP_TIME "time since the arms began to move, s"
 
-/* Columns of a result, after the time. */
+/* Columns of the recording, after the time. */
 enum {
     ARM = 1, /* the right arm's GRASP_JOINTS joints */
     ELBOW_MOTOR = ARM + GRASP_JOINTS,
-    BOX_FORCE, /* vertical, of all contacts */
+    BOX_FORCE, /* vertical sum of all contact forces on the box */
     PRESS_RIGHT,
     PRESS_LEFT,
     CARRY_RIGHT,
@@ -27,17 +27,17 @@ enum {
     BOX_Y,
     BOX_HEIGHT,
     BASE,                     /* position and quaternion */
-    GRASP_SIGNALS = BASE + 7, /* then the angle of every joint */
+    GRASP_SIGNALS = BASE + 7, /* the angles of all joints follow */
 };
 
 /* A recorded run of the task; pointers are valid until paper_run_end. */
 struct grasp_result {
     const struct rig *rig;
     size_t count;
-    double *time;               /* s since the arms began to move */
-    double *const *value;       /* pressing is positive */
+    double *time;               /* time since the arms began to move, s */
+    double *const *value;       /* contact forces are positive when they press */
     double touch;               /* time at which the right wrist touches the box; NAN = never */
-    double box_kg, rest_height; /* height of the box's middle at the start, m */
+    double box_kg, rest_height; /* mass; height of the box's center at the start, m */
     double gravity;             /* m/s2 */
 };
 
@@ -50,7 +50,8 @@ static const char titles[] =
     "right_foot_n|fz_ground_on_left_foot_n|my_right_wrist_on_box_nm|my_left_wrist_on_box_nm|box_x_"
     "m|box_y_m|box_z_m|base_x_m|base_y_m|base_z_m|base_qw|base_qx|base_qy|base_qz";
 
-/* Runs the task and takes the results out of run, which holds them until paper_run_end. */
+/* Runs the task and reads the results. The results point into run, which owns them until
+ * paper_run_end. */
 static enum error_code grasp_run(const struct paper *paper, const char *rig, struct paper_run *run,
                                  struct grasp_result *result, struct error *error)
 {
@@ -68,7 +69,7 @@ static enum error_code grasp_run(const struct paper *paper, const char *rig, str
         return code;
     }
 
-    /* The arms began to move when the path and the hold after it were still to come */
+    /* Compute the start of the motion backwards from the end of the run */
     begin = run->seconds - grasp->hold_s - grasp->phase[grasp->nphase - 1].until_s;
     *result = (struct grasp_result){.rig = &run->rig,
                                     .count = run->signals.count,
@@ -79,7 +80,8 @@ static enum error_code grasp_run(const struct paper *paper, const char *rig, str
                                     .rest_height = run->rig.free[0].position[2],
                                     .gravity = -run->rig.robot->gravity[2]};
 
-    /* Count times from there, make pressing positive on both sides, and find the first touch */
+    /* Count times from the start, make pressing forces positive on both sides, and find the first
+     * touch */
     for (size_t i = 0; i < result->count; i++) {
         result->time[i] -= begin;
         result->value[PRESS_LEFT][i] = -result->value[PRESS_LEFT][i];
@@ -107,7 +109,7 @@ static const struct paper_surface {
     {"Table", "table", "mesh|12|0.9, 1.1, 0.5", ""},
 };
 
-/* Returns the number of triangles of a surface; 0 when it is none of triangles. */
+/* Returns the number of triangles of a surface; 0 for other shapes. */
 static size_t faces_of(const struct contact_surface *surface)
 {
     size_t cells = (size_t)surface->cells_per_edge;
@@ -117,7 +119,7 @@ static size_t faces_of(const struct contact_surface *surface)
                                             : 0;
 }
 
-/* Returns the rig's surface of a name, or NULL. */
+/* Returns the surface with this name in the rig, or NULL. */
 static const struct contact_surface *find_surface(const struct rig *rig, const char *name)
 {
     for (size_t i = 0; i < rig->contact.nsurface; i++) {
@@ -128,7 +130,7 @@ static const struct contact_surface *find_surface(const struct rig *rig, const c
     return NULL;
 }
 
-/* Adds a row: the paper's values of a surface and ours. */
+/* Adds a row with the paper's values of a surface and ours. */
 static void put_surface(struct report *report, const struct rig *rig,
                         const struct paper_surface *said)
 {
@@ -170,14 +172,13 @@ static void put_table_2(struct report *report, const struct rig *rig)
 
 /* ---- Fig. 8 ---- */
 
-/* A line from point to point, with breaks, in both views: from the right side x and z, from the
- * front y and z. */
+/* A polyline, with gaps, in two views: from the right (x and z) and from the front (y and z). */
 struct drawing {
     double across[VIEWS][POINTS_MAX], up[POINTS_MAX];
     size_t count;
 };
 
-/* Adds a point, m, to both views; NULL breaks the line. */
+/* Adds a point, m, to both views. NULL starts a gap. */
 static void put_point(struct drawing *drawing, const double point[3])
 {
     if (drawing->count < POINTS_MAX) {
@@ -195,7 +196,7 @@ static void put_segment(struct drawing *drawing, const double from[3], const dou
     put_point(drawing, NULL);
 }
 
-/* Adds the outline of an upright box, as seen from the side and from the front. */
+/* Adds the outline of an upright box in both views. */
 static void put_box(struct drawing *drawing, const double middle[3], const double half[3])
 {
     static const double corner[5][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}, {-1, -1}};
@@ -210,7 +211,7 @@ static void put_box(struct drawing *drawing, const double middle[3], const doubl
     put_point(drawing, NULL);
 }
 
-/* Adds the spheres of the wrists, as lines from the body's origin to them. */
+/* Adds the spheres of the wrists, with lines to them from the body's origin. */
 static void draw_wrists(struct drawing *drawing, const struct rig *rig, double (*place)[3],
                         double (*turn)[9])
 {
@@ -244,7 +245,7 @@ static void draw_feet(struct drawing *drawing, const struct rig *rig, double (*p
             continue;
         }
 
-        /* The box around the vertices in the world */
+        /* Find the bounding box of the vertices in the world */
         for (size_t v = 0; v < surface->mesh->nvertex; v++) {
             double local[3], world[3];
 
@@ -266,7 +267,8 @@ static void draw_feet(struct drawing *drawing, const struct rig *rig, double (*p
     }
 }
 
-/* Draws the robot in a row of the recording: lines between joints, wrists, feet, and the box. */
+/* Draws the robot in one row of the recording: lines between joints, the wrists, the feet and the
+ * box. */
 static void draw_robot(struct drawing *drawing, const struct grasp_result *result, size_t row)
 {
     const struct robot *robot = result->rig->robot;
@@ -291,7 +293,7 @@ static void draw_robot(struct drawing *drawing, const struct grasp_result *resul
     put_box(drawing, box, half);
 }
 
-/* Returns the first row at a time or after it; the last one when there is none. */
+/* Returns the first row at or after a time, or the last row if there is none. */
 static size_t row_at(const struct grasp_result *result, double time)
 {
     size_t row = 0;
@@ -302,7 +304,7 @@ static size_t row_at(const struct grasp_result *result, double time)
     return row;
 }
 
-/* Draws Fig. 8, left: the robot at the start, at the touch and at the end, as lines between its
+/* Draws Fig. 8, left: the robot at the start, at the touch and at the end, as lines between the
  * joints. */
 static void draw_grasp(struct report *report, const struct grasp_result *result)
 {
@@ -319,7 +321,7 @@ static void draw_grasp(struct report *report, const struct grasp_result *result)
         return;
     }
 
-    /* Draw three moments, and the table that is in all of them */
+    /* Draw three moments, and the table in each of them */
     draw_robot(&drawing[0], result, 0);
     draw_robot(&drawing[1], result, row_at(result, result->touch));
     draw_robot(&drawing[2], result, result->count - 1);
@@ -331,13 +333,13 @@ static void draw_grasp(struct report *report, const struct grasp_result *result)
         }
     }
 
-    /* A panel for each view */
+    /* One panel per view */
     for (size_t v = 0; v < VIEWS; v++) {
         for (size_t i = 0; i <= MOMENTS; i++) {
             series[v][i] = svg_line(names[i], drawing[i].across[v], drawing[i].up, drawing[i].count,
                                     i == 0 ? SVG_DASHED : SVG_LINE);
         }
-        /* The same scale on both axes: 404 x 520 px of drawing area for 0.8 m x 1.03 m */
+        /* Same scale on both axes: the drawing area of 404 x 520 px shows 0.8 m x 1.03 m */
         panel[v] =
             (struct svg_plot){.title = views[v],
                               .x = {.label = across[v],
@@ -361,7 +363,7 @@ static void draw_grasp(struct report *report, const struct grasp_result *result)
 
 /* ---- Fig. 9 ---- */
 
-/* Makes a series of a column over the time since the arms began to move. */
+/* Makes a series of a column against the time since the arms began to move. */
 static struct svg_series grasp_line(const char *name, const struct grasp_result *result,
                                     size_t column, enum svg_style style)
 {
@@ -371,8 +373,8 @@ static struct svg_series grasp_line(const char *name, const struct grasp_result 
 static const char *const arm_name[GRASP_JOINTS] = {"q22, shoulder pitch", "q23, shoulder roll",
                                                    "q24, shoulder yaw", "q25, elbow"};
 
-/* Computes the path's angle, rad, at time t after the arms begin to move from zero: linear between
- * the ends of its phases. */
+/* Computes the set point of an arm joint, rad, at time t after the arms begin to move from zero. It
+ * is linear between the ends of the phases. */
 static double arm_reference(const struct grasp_config *grasp, size_t joint, double t)
 {
     double from = 0.0, begin = 0.0;
@@ -389,7 +391,7 @@ static double arm_reference(const struct grasp_config *grasp, size_t joint, doub
     return from;
 }
 
-/* Computes the RMS error of the arm's joints against the path until a time, rad. */
+/* Computes the RMS error of the arm's joints relative to the path until a time, rad. */
 static double arm_error(const struct grasp_result *result, double until)
 {
     double sum = 0.0;
@@ -408,7 +410,7 @@ static double arm_error(const struct grasp_result *result, double until)
     return sqrt(sum / (double)n);
 }
 
-/* Adds Fig. 9: the arm's joints beside the references of their motors. */
+/* Adds Fig. 9: the angles of the arm's joints and the set points of their motors. */
 static void put_figure_9(struct report *report, const struct grasp_result *result)
 {
     const struct grasp_config *grasp = &result->rig->grasp;
@@ -425,7 +427,7 @@ static void put_figure_9(struct report *report, const struct grasp_result *resul
     }
     x[corners++] = end;
 
-    /* A panel for each joint */
+    /* One panel per joint */
     for (size_t k = 0; k < GRASP_JOINTS; k++) {
         for (size_t i = 0; i < corners; i++) {
             y[k][i] = arm_reference(grasp, k, x[i]);
@@ -452,7 +454,7 @@ static void put_figure_9(struct report *report, const struct grasp_result *resul
 
 /* ---- Fig. 10 ---- */
 
-/* Compares the box's vertical force and height with the paper's. */
+/* Compares the box's vertical force and its height with the paper. */
 static void compare_box(struct report *report, const struct grasp_result *ours)
 {
     const double *t = ours->time, *force = ours->value[BOX_FORCE];
@@ -482,7 +484,7 @@ static void compare_box(struct report *report, const struct grasp_result *ours)
                    1e3 * (ours->value[BOX_HEIGHT][n - 1] - ours->rest_height));
 }
 
-/* Computes by how much the held box rises in the last second, m. */
+/* Computes the rise of the held box in the last second, m. */
 static double box_drift_m(const struct grasp_result *result)
 {
     const double *height = result->value[BOX_HEIGHT];
@@ -494,7 +496,7 @@ static double box_drift_m(const struct grasp_result *result)
     return height[last] - height[first];
 }
 
-/* Compares the forces on box and feet, and both integrators. */
+/* Compares the forces on box and feet with the paper, for both integrators. */
 static void compare_forces(struct report *report, const struct grasp_result *ours,
                            const struct grasp_result *theirs)
 {
@@ -520,7 +522,7 @@ static void compare_forces(struct report *report, const struct grasp_result *our
         ours->rig->contact.friction == CONTACT_FRICTION_REGULARIZED ? "regularized" : "sticking",
         1e3 * ours->rig->contact.transition_velocity_m_s);
 
-    /* The weight on the feet, without the box and with it */
+    /* The load on the feet, without and with the box */
     report_finding(report, false,
                    "both feet, before the arms move, N|plotted only|%.1f|The robot weighs %.1f N.",
                    paper_mean(t, ours->value[FOOT_RIGHT], n, -0.2, 0.0) +
@@ -532,7 +534,7 @@ static void compare_forces(struct report *report, const struct grasp_result *our
                        paper_mean(t, ours->value[FOOT_LEFT], n, from, to),
                    robot + ours->box_kg * ours->gravity);
 
-    /* Quantities that the paper only plots */
+    /* Quantities that the paper shows only as plots */
     report_finding(report, false,
                    "torque of dry friction at a wrist, N m|plotted only|%.4f at most|About the "
                    "middle of the patch of contact.",
@@ -562,7 +564,7 @@ static void put_figure_11(struct report *report, const struct grasp_result *stif
         svg_panel("Soft elbow: link and motor", GRASP_TIME, "angle, rad", elbow, 2),
     };
 
-    /* The force falls with the stiffness; the spring yields from the touch on */
+    /* The force decreases with the stiffness; the spring deflects from the touch on */
     report_section(report, "elbows", "Fig. 11: stiff and soft elbows");
     report_figure(
         report, "figure-11",
@@ -631,7 +633,7 @@ enum error_code paper_grasp(struct paper *paper, struct error *error)
         report_section(report, "forces", "Fig. 10: the contact forces");
 
         /* Adds Fig */
-        /* Both integrators, where the paper's figure depends on them; right and left elsewhere */
+        /* Show both integrators where the paper's figure depends on them, else right and left */
         const struct svg_series box[] = {
             grasp_line("implicit, 1 ms", &result[0], BOX_FORCE, SVG_LINE),
             grasp_line("rk4, 0.1 ms (the paper's)", &result[1], BOX_FORCE, SVG_DASHED)};

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reproduces the paper's Table 1 and Fig. 3: relative and absolute coordinates. */
+/* Reproduces the paper's Table 1 and Fig. 3: pendulums in relative and absolute coordinates. */
 #include "app/bench/bench.h"
 
 #include <math.h>
 
-/* Adds a row of Table 1: our errors and the paper's, for n + 1 bodies and step k. */
+/* Adds a row of Table 1, with our errors and the paper's, for n + 1 bodies and step size k. */
 static void pendulum_put_row(struct report *report, const char *who,
                              const struct peer_pendulum *peer, size_t n, size_t k,
                              const struct pendulum_row *row, double energy, double constraint)
@@ -19,7 +19,7 @@ static void pendulum_put_row(struct report *report, const char *who,
                distance);
 }
 
-/* Adds Table 1: ours with relative coordinates, and ODE's with absolute ones. */
+/* Adds Table 1: our engine with relative coordinates, ODE with absolute coordinates. */
 static void pendulum_put_table(struct report *report, const struct pendulum_table *table)
 {
     const struct peer_pendulum *absolute = table->absolute;
@@ -94,7 +94,7 @@ static void put_table_1(struct paper *paper, const struct pendulum_table *table)
     report_text(report, "The real-time factors of Table 1 are timings: see Speed.");
 }
 
-/* Returns the largest difference of a turn's period from the analytic one, time units. */
+/* Returns the largest difference between a turn's period and the analytic one, time units. */
 static double worst_period(const struct pendulum_course *course, double period)
 {
     double worst = 0.0;
@@ -116,7 +116,7 @@ static void put_courses(struct report *report, const struct pendulum_course *cou
         svg_panel("Height of the first center of mass", "time, time units", "height, lengths",
                   heights, count)};
 
-    /* The engines, and the analytic period across them */
+    /* One series per engine, and the analytic period as a horizontal line */
     for (size_t i = 0; i < count; i++) {
         const struct pendulum_course *one = &course[i];
 
@@ -148,7 +148,7 @@ static void put_figure_3(struct paper *paper, const struct pendulum_course *cour
                    "interpolation between steps gives the paper's error. Here a cubic through "
                    "angles and rates ends a turn.",
                    PENDULUM_PERIOD_UNITS, PENDULUM_PERIOD_STEP, worst_period(&course[0], period));
-    /* What only the comparison with absolute coordinates shows */
+    /* Findings that need an engine with absolute coordinates */
     if (count > 1) {
         report_finding(report, false,
                        "the same with ODE|grows about linearly, to be read off only|%.2f|",

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs rigs for the report, and computes numbers from their recordings. */
+/* Runs rigs for the report, and computes values from their recordings. */
 #include "app/bench/bench.h"
 
 #include "model/spatial.h"
@@ -11,11 +11,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define ARENA_BYTES ((size_t)512 << 20) /* address space; pages cost nothing until touched */
+#define ARENA_BYTES ((size_t)512 << 20) /* reserved address space; unused pages cost nothing */
 
 static const char recording[] = ".recording";
 
-/* Writes the path of a file of the recording, or of its folder when name is "". */
+/* Writes the path of a file in the recording's folder, or of the folder itself if name is "". */
 static void recorded_path(const struct paper *paper, const char *name, char path[PATH_MAX])
 {
     snprintf(path, PATH_MAX, "%s/%s%s%s", paper->folder, recording, name[0] ? "/" : "", name);
@@ -26,7 +26,7 @@ void paper_log_path(const struct paper *paper, char path[PATH_MAX])
     recorded_path(paper, "candump.log", path);
 }
 
-/* Runs to the end of the task, which must succeed, and notes the times. */
+/* Runs until the task ends, and stores the times. Returns an error if the task fails. */
 static enum error_code paper_run_to_task_end(struct simulator *simulator,
                                              const struct paper_order *order, struct paper_run *run,
                                              struct error *error)
@@ -43,7 +43,7 @@ static enum error_code paper_run_to_task_end(struct simulator *simulator,
         return code;
     }
 
-    /* Time the loop only, without start and end */
+    /* Measure only the loop, without start and end of the run */
     begin = bench_cpu_s();
     end = simulator_run(simulator);
     run->cpu_s = bench_cpu_s() - begin;
@@ -62,7 +62,7 @@ static enum error_code paper_run_to_task_end(struct simulator *simulator,
     return simulator_finish_recording(simulator, &counters, error);
 }
 
-/* Creates the simulator of a run, runs it and destroys it. */
+/* Creates the simulator, runs it and destroys it. */
 static enum error_code paper_run_simulate(const struct paper *paper,
                                           const struct paper_order *order, struct paper_run *run,
                                           struct error *error)
@@ -89,13 +89,13 @@ static enum error_code paper_run_simulate(const struct paper *paper,
         return code;
     }
 
-    /* The recording is complete before the simulator goes */
+    /* Close the recording before the simulator is destroyed */
     code = paper_run_to_task_end(simulator, order, run, error);
     simulator_destroy(simulator);
     return code;
 }
 
-/* Reads the recorded signals, and the joints' angles if they are wanted. */
+/* Reads the recorded signals, and the joint angles if the order asks for them. */
 static enum error_code read_signals(const struct paper *paper, const struct paper_order *order,
                                     struct paper_run *run, struct error *error)
 {
@@ -133,7 +133,7 @@ enum error_code paper_run(const struct paper *paper, const struct paper_order *o
         return code;
     }
     run->rig = *rig;
-    run->rig.contact.friction = CONTACT_FRICTION_REGULARIZED; /* the paper's */
+    run->rig.contact.friction = CONTACT_FRICTION_REGULARIZED; /* as in the paper */
     if (order->one_cycle) {
         run->rig.squat.cycles = 1;
     }
@@ -171,7 +171,7 @@ void paper_place_bodies(const struct robot *robot, const double base[7], const d
         int parent = robot->body[j + 1].parent;
         double local[9], fixed[9], offset[3];
 
-        /* R = R_parent R_joint R_axis(q); the joint is fixed at its origin in the parent */
+        /* R = R_parent R_joint R_axis(q); the joint's origin is fixed in the parent */
         mat3_about_axis(joint->axis, q[j], local);
         mat3_mul(turn[parent], joint->rotation, fixed);
         mat3_mul(fixed, local, turn[j + 1]);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Measures every timing of the paper: Fig. 4, the real-time factors of Table 1 and of section 6. */
+/* Measures all times of the paper: Fig. 4, and the real-time factors of Table 1 and section 6. */
 #include "app/bench/bench.h"
 
 #include <math.h>
@@ -12,7 +12,7 @@ enum { ROUNDS = 5, DYNAMICS_ROUNDS = 100, QUICK_DYNAMICS_ROUNDS = 5 };
 
 /* ---- the machine ---- */
 
-/* Reads the processor's name as Linux gives it. */
+/* Reads the processor's name from /proc/cpuinfo. */
 static void read_processor_name(char *name, size_t size)
 {
     FILE *file = fopen("/proc/cpuinfo", "r");
@@ -33,7 +33,7 @@ static void read_processor_name(char *name, size_t size)
     }
 }
 
-/* Adds what the times were measured on. */
+/* Adds a description of the machine on which the times were measured. */
 static void put_machine(struct report *report)
 {
     struct utsname system;
@@ -70,12 +70,12 @@ static const struct setting {
     {"implicit, dt 1 ms, five bodies, lockstep", "grasp", LOOP_CLOCK_LOCKSTEP, NAN},
 };
 
-/* Real-time factors of a setting, by round. */
+/* The real-time factors of one setting, by round. */
 struct speed {
     double cpu[ROUNDS], wall[ROUNDS];
 };
 
-/* Runs all settings in each round, so that all see the same state of the machine. */
+/* Runs all settings in each round, so that changes of the machine's speed affect all of them. */
 static enum error_code measure_settings(struct paper *paper, struct error *error)
 {
     struct speed speed[PAPER_SPEEDS];
@@ -123,7 +123,7 @@ static enum error_code measure_settings(struct paper *paper, struct error *error
 
 /* ---- Fig. 4 ---- */
 
-/* Draws Fig. 4: a series for each engine. */
+/* Draws Fig. 4, with one series per engine. */
 static void put_dynamics_plot(struct report *report, const struct dynamics_bench *bench)
 {
     struct dynamics_plot plot;
@@ -144,7 +144,7 @@ static void put_dynamics(struct report *report, const struct dynamics_bench *ben
 {
     size_t last = bench->nsize - 1, reference = dynamics_bench_reference(bench);
 
-    /* The figure, and a row for each engine with the whole robot */
+    /* The figure, then one row per engine for the whole robot */
     put_dynamics_plot(report, bench);
     report_table(
         report, "accelerations", "One evaluation of the whole robot's accelerations.",
@@ -160,7 +160,7 @@ static void put_dynamics(struct report *report, const struct dynamics_bench *ben
                    bench->cell[e][last].median, slope, bench->cell[e][last].difference);
     }
 
-    /* What the paper says of Simbody can only be compared beside it */
+    /* The paper's statement about Simbody can be compared only if Simbody was measured */
     if (reference == 0) {
         report_text(report, "Simbody was not available (libhil-peers.so): ours only.");
         return;

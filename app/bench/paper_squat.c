@@ -9,27 +9,28 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STAND_S 1.0 /* time that the task stands still after its last cycle */
-#define ROW_MS 20   /* rows of the recording, virtual time */
+#define STAND_S 1.0 /* time for which the task stands still after its last cycle */
+#define ROW_MS 20   /* period of the recorded rows, virtual time */
 
 /* Columns of the recording. */
 enum { TIME, KNEE_TORQUE, FOOT_RIGHT, FOOT_LEFT, BASE, JOINTS = BASE + 7 };
 
-/* Series derived from the recording; all arrays but the board's are as long as it. */
+/* Series derived from the recording. All arrays have its length, except the arrays of the board. */
 struct squat {
     const struct rig *rig;
     size_t count;
-    double *time; /* s since the first cycle began */
+    double *time; /* time since the first cycle began, s */
     double *const *value;
-    /* Rad, rad, N m, m: angles of the right hip, torque of the right knee, height of the base. */
+    /* Set point and angle of the right hip, rad; torque of the right knee, N m; height of the base,
+     * m. */
     double *reference, *hip, *knee, *height;
-    double *feet, *newton;            /* N: both feet; m (g + a) of the center of mass */
+    double *feet, *newton; /* contact force of both feet; m (g + a) of the center of mass, N */
     double *board_time, *board_force; /* frames of the right F/T board */
     size_t nboard;
 };
 
-/* Computes the hip's angle, rad, while the hips sink straight above the ankles, by the law of
- * cosines. top: height of the hip above the ankle at the start, m. */
+/* Computes the hip's set point, rad, from the law of cosines: the hips sink vertically above the
+ * ankles. top: height of the hip above the ankle at the start, m. */
 static double hip_reference(const struct squat_config *squat, double top, double t)
 {
     double a = squat->thigh_m, b = squat->shank_m, height = top, knee;
@@ -41,7 +42,7 @@ static double hip_reference(const struct squat_config *squat, double top, double
     return -asin(b * sin(knee) / height);
 }
 
-/* Allocates the derived series; false without memory. */
+/* Allocates the derived series. Returns false without memory. */
 static bool squat_allocate_series(struct squat *squat, struct arena *arena)
 {
     double **array[] = {&squat->reference, &squat->hip,  &squat->knee,
@@ -56,8 +57,8 @@ static bool squat_allocate_series(struct squat *squat, struct arena *arena)
     return true;
 }
 
-/* Derives heights of base and center of mass, angles and forces of every row; false without
- * memory. */
+/* Computes heights of base and center of mass, angles and forces of every row. Returns false
+ * without memory. */
 static bool squat_derive_series(struct squat *squat, struct arena *arena)
 {
     const struct robot *robot = squat->rig->robot;
@@ -68,13 +69,13 @@ static bool squat_derive_series(struct squat *squat, struct arena *arena)
     int hip = robot_find_joint(robot, "RHipSag"), knee = robot_find_joint(robot, "RKneeSag");
     const struct squat_config *task = &squat->rig->squat;
     double bent = squat->rig->joint[knee], step = 1e-3 * ROW_MS, top;
-    enum { HALF = 2 }; /* rows to either side of an acceleration */
+    enum { HALF = 2 }; /* rows on each side of an acceleration */
 
     if (!place || !turn || !q || !mass_height || !squat_allocate_series(squat, arena)) {
         return false;
     }
 
-    /* Kinematics of every row; the reference starts from the height of the bent legs */
+    /* Compute the kinematics of every row; the set point starts from the height of the bent legs */
     top = sqrt(task->thigh_m * task->thigh_m + task->shank_m * task->shank_m +
                2.0 * task->thigh_m * task->shank_m * cos(bent));
     for (size_t i = 0; i < squat->count; i++) {
@@ -91,11 +92,11 @@ static bool squat_derive_series(struct squat *squat, struct arena *arena)
         squat->height[i] = base[2];
         squat->reference[i] = hip_reference(task, top, squat->time[i]);
         squat->hip[i] = q[hip];
-        squat->knee[i] = -squat->value[KNEE_TORQUE][i]; /* what straightens is positive */
+        squat->knee[i] = -squat->value[KNEE_TORQUE][i]; /* positive when it straightens */
         squat->feet[i] = squat->value[FOOT_RIGHT][i] + squat->value[FOOT_LEFT][i];
     }
 
-    /* m (g + a) by second differences of the center of mass's height */
+    /* m (g + a), from second differences of the height of the center of mass */
     for (size_t i = 0; i < squat->count; i++) {
         squat->newton[i] = NAN;
         if (i >= HALF && i + HALF < squat->count) {
@@ -108,7 +109,7 @@ static bool squat_derive_series(struct squat *squat, struct arena *arena)
     return true;
 }
 
-/* Returns the right foot's force-torque board, or NULL. */
+/* Returns the force-torque board of the right foot, or NULL. */
 static const struct board_config *foot_board(const struct rig *rig)
 {
     for (size_t i = 0; i < rig->boards.nboard; i++) {
@@ -121,7 +122,7 @@ static const struct board_config *foot_board(const struct rig *rig)
     return NULL;
 }
 
-/* Reads the vertical forces of the right foot's board, N, from the recorded frames. */
+/* Reads the vertical forces of the right foot's force-torque board, N, from the recorded frames. */
 static enum error_code squat_read_force_board(struct squat *squat, const char *path, double begin,
                                               struct arena *arena, struct error *error)
 {
@@ -146,7 +147,7 @@ static enum error_code squat_read_force_board(struct squat *squat, const char *p
         return code;
     }
 
-    /* The forces are one message of this board, with z in bytes 4 and 5 */
+    /* The board sends the forces in one message, with z in bytes 4 and 5 */
     while (!code && !end && squat->nboard < most) {
         code = candump_next(&reader, &frame, name, &end, error);
         if (!code && !end && frame.id == id && frame.len >= ICUB_STRAIN_LENGTH &&
@@ -162,8 +163,8 @@ static enum error_code squat_read_force_board(struct squat *squat, const char *p
     return code;
 }
 
-/* Computes the RMS difference of two series over the rows with from <= time < to where both are
- * finite. */
+/* Computes the RMS difference of two series over the rows with from <= time < to. Skips rows where
+ * one of the series is not finite. */
 static double rms_error(const struct squat *squat, const double *a, const double *b, double from,
                         double to)
 {
@@ -209,7 +210,7 @@ static void squat_put_figure(struct report *report, const struct squat *squat)
         panels, 4);
 }
 
-/* Compares the squat with the paper, with statics and with Newton's law. */
+/* Compares the squat with the paper, with the static torque and with Newton's law. */
 static void squat_put_findings(struct report *report, const struct squat *squat)
 {
     const struct squat_config *task = &squat->rig->squat;
@@ -231,7 +232,7 @@ static void squat_put_findings(struct report *report, const struct squat *squat)
                    "hip, error against its reference, mrad RMS|\"properly tracks\"|%.1f|",
                    1e3 * rms_error(squat, squat->hip, squat->reference, 0.0, end));
 
-    /* Torque and forces, against statics and Newton's law */
+    /* Torque and forces, compared with statics and Newton's law */
     report_finding(
         report, true,
         "knee torque, N m|plotted only|%.1f to %.1f|Standing upright, and at the bottom. It "
@@ -248,7 +249,7 @@ static void squat_put_findings(struct report *report, const struct squat *squat)
         rms_error(squat, squat->feet, squat->newton, 0.5, end),
         paper_smallest(t, squat->feet, n, 0.0, end), paper_largest(t, squat->feet, n, 0.0, end));
 
-    /* The sensor, and the start */
+    /* The force-torque sensor, and the start */
     report_finding(
         report, false,
         "right foot's F/T board, standing, N|plotted only|%.1f|The ground pushes with %.1f N; "
@@ -264,7 +265,7 @@ static void squat_put_findings(struct report *report, const struct squat *squat)
     report_compared(report);
 }
 
-/* Derives everything from a recorded run, and adds figure and findings. */
+/* Derives all series from a recorded run, and adds the figure and the findings. */
 static enum error_code squat_put_section(struct paper *paper, struct paper_run *run,
                                          struct error *error)
 {
@@ -273,7 +274,7 @@ static enum error_code squat_put_section(struct paper *paper, struct paper_run *
                           .count = run->signals.count,
                           .time = run->signals.value[0],
                           .value = run->signals.value};
-    /* The cycles began when they and the standing after them were still to come */
+    /* Compute the start of the first cycle backwards from the end of the run */
     double begin = run->seconds - STAND_S - task->period_s * task->cycles;
     char path[PATH_MAX];
     struct arena arena;

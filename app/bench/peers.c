@@ -8,14 +8,14 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Loads a module into library->handle; refuses one of another build. */
+/* Loads a module into library->handle. Refuses a module from another build. */
 static enum error_code peers_load_module(const char *path, struct peers_library *library,
                                          struct error *error)
 {
     const struct peers *(*entry)(void);
     void *symbol;
 
-    /* It stays loaded: libraries of C++ do not take well to being unloaded */
+    /* Never unload it, because C++ libraries may crash when they are unloaded */
     library->handle = dlopen(path, RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
     if (!library->handle) {
         return error_set(error, ERROR_UNSUPPORTED, "%s", dlerror());
@@ -63,7 +63,7 @@ enum error_code peers_open(const char *path, struct peers_library *library, stru
         return code;
     }
 
-    /* Beside the program, or where the build puts it */
+    /* Search beside the program and in the build's folder for tests */
     for (size_t i = 0; i < sizeof places / sizeof places[0]; i++) {
         snprintf(file, sizeof file, "%s%s/" PEERS_FILE, folder, places[i]);
         if (access(file, F_OK) == 0) {

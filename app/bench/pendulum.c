@@ -1,16 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A single and a double pendulum in relative coordinates (ours, Runge-Kutta 4 through the whole
- * plant) and in absolute ones with constraints (another simulator), as in the paper's section 3.1.
+ * Simulates a single and a double pendulum, as in the paper's section 3.1. Our plant uses relative
+ * coordinates with Runge-Kutta 4. Another simulator uses absolute coordinates with constraints.
  *
- * Dimensionless: gravity, first mass and its distance from the axis are 1, both bodies' inertias
- * 5.5 and 2, the second axis 2 from the first, the second center of mass 2.5 from that. The paper
- * leaves out the second mass; bodies that are to stay in line must be asked for the same
- * acceleration by both equations of motion,
+ * Quantities are dimensionless. Gravity, the first mass and the distance of its center from the
+ * axis are 1. The inertias of the bodies are 5.5 and 2. The second axis is at distance 2 from the
+ * first, and the second center of mass at distance 2.5 from the second axis. The paper omits the
+ * second mass m2. The bodies stay in line only if both equations of motion give the same
+ * acceleration:
  *     first:   (5.5 + 1 + 4 m2 + 5 m2) a'' = -(1 + 2 m2) sin a
  *     second:       (2 + 6.25 m2 + 5 m2) a'' = -2.5 m2 sin a
- * which only m2 = 2 does, with a'' = -(5/24.5) sin a. Started at speed w0 = 2.1 they turn over with
- * the period 4 K(m)/w0, m = 4 (5/24.5)/w0^2, K the complete elliptic integral of the first kind.
+ * The only solution is m2 = 2, with a'' = -(5/24.5) sin a. With initial speed w0 = 2.1 the bodies
+ * turn over with the period 4 K(m)/w0, m = 4 (5/24.5)/w0^2. K is the complete elliptic integral of
+ * the first kind.
  */
 #include "app/bench/bench.h"
 
@@ -19,9 +21,9 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define TIMED_S 0.2 /* short runs are repeated for so long of CPU time */
+#define TIMED_S 0.2 /* a short run is repeated until it has taken this CPU time */
 
-/* Repetitions of a timed run; checks of a row; steps between samples of a course. */
+/* Most repetitions of a timed run; most checks of a row; steps between samples of a motion. */
 enum { TIMED_MAX = 51, CHECKS_MAX = 1000000, SAMPLE = 10 };
 
 const double pendulum_step_sizes[PENDULUM_STEPS] = {1e-2, 1e-4, 1e-6};
@@ -54,7 +56,7 @@ static const struct peer_chain chain_of[2] = {
 
 /* ---- ours, in the terms of the others ---- */
 
-/* Our plant as an engine of the chain. */
+/* Our plant, as an engine for the chain. */
 struct ours {
     struct arena arena;
     struct robot robot;
@@ -63,7 +65,7 @@ struct ours {
     struct dynamics dynamics;
     struct plant *plant;
     const struct peer_chain *chain;
-    double *state; /* angles of the joints, then their rates; the plant's own */
+    double *state; /* joint angles, then joint rates; memory of the plant */
 };
 
 /* Describes the chain as a robot with hinges about y. */
@@ -88,7 +90,7 @@ static void pendulum_describe_robot(struct ours *ours)
                                  .joint = ours->joint,
                                  .imu_frame = -1};
     ours->body[0] = (struct robot_body){.name = "base", .parent = -1};
-    /* A hinge and a body for each of the chain, after a base that does not move */
+    /* Add a fixed base, then a hinge and a body for each body of the chain */
     for (size_t b = 0; b < chain->count; b++) {
         double I = chain->inertia[b];
 
@@ -105,7 +107,6 @@ static void pendulum_describe_robot(struct ours *ours)
     }
 }
 
-/* Destroys an engine of ours. */
 static void ours_destroy(void *engine)
 {
     struct ours *ours = engine;
@@ -114,7 +115,8 @@ static void ours_destroy(void *engine)
     free(ours);
 }
 
-/* Builds the plant of the chain with Runge-Kutta 4 at step dt, hanging, with the start's rate. */
+/* Builds the plant of the chain with Runge-Kutta 4 and step dt. It starts hanging, with the initial
+ * rate. */
 static enum error_code pendulum_build_plant(struct ours *ours, double dt, struct error *error)
 {
     static const double hanging[2];
@@ -138,7 +140,7 @@ static enum error_code pendulum_build_plant(struct ours *ours, double dt, struct
     return ERROR_NONE;
 }
 
-/* Creates an engine of ours; NULL with the reason in message. */
+/* Creates our engine. Returns NULL with the reason in message if this fails. */
 static void *ours_create(const struct peer_chain *chain, double dt, char *message, size_t size)
 {
     struct ours *ours = calloc(1, sizeof *ours);
@@ -157,7 +159,7 @@ static void *ours_create(const struct peer_chain *chain, double dt, char *messag
     return ours;
 }
 
-/* Steps the plant; without contact no step can fail. */
+/* Steps the plant. A step without contact cannot fail. */
 static void ours_step(void *engine, size_t steps)
 {
     plant_step(((struct ours *)engine)->plant, steps);
@@ -172,8 +174,8 @@ static void ours_get(void *engine, struct peer_chain_body *out)
     for (size_t b = 0; b < ours->chain->count; b++) {
         double com = ours->chain->com[b], reach = ours->chain->reach, sine, cosine;
 
-        /* Relative coordinates: angles and rates add up along the chain, and so does the next
-         * axis */
+        /* In relative coordinates, angles and rates add up along the chain, and so do the positions
+         * of the axes */
         angle += ours->state[b];
         rate += ours->state[ours->chain->count + b];
         sine = sin(angle);
@@ -196,7 +198,7 @@ const struct peer_pendulum pendulum_ours = {"coman-hil", HIL_VERSION,  1,       
 
 /* ---- what is measured ---- */
 
-/* Computes the energy of the chain, kinetic and potential. */
+/* Computes the kinetic plus potential energy of the chain. */
 static double energy_of(const struct peer_chain *chain, const struct peer_chain_body *body)
 {
     double energy = 0.0;
@@ -209,8 +211,8 @@ static double energy_of(const struct peer_chain *chain, const struct peer_chain_
     return energy;
 }
 
-/* Computes the largest relative error of the distances between the centers of mass and the axes
- * that they turn about. */
+/* Computes the largest relative error of the distances between the centers of mass and their
+ * axes. */
 static double constraint_error(const struct peer_chain *chain, const struct peer_chain_body *body)
 {
     double axis_x = 0.0, axis_z = 0.0, worst = 0.0;
@@ -225,7 +227,7 @@ static double constraint_error(const struct peer_chain *chain, const struct peer
     return worst;
 }
 
-/* Creates an engine; ours fails only without memory. */
+/* Creates an engine. Ours fails only without memory. */
 static enum error_code pendulum_create_engine(const struct peer_pendulum *peer,
                                               const struct peer_chain *chain, double dt,
                                               void **engine, struct error *error)
@@ -238,7 +240,7 @@ static enum error_code pendulum_create_engine(const struct peer_pendulum *peer,
                                "%s: %s", peer->name, message);
 }
 
-/* Measures the median CPU time, s, of a run with nothing but steps. */
+/* Measures the median CPU time, s, of a run that only steps. */
 static enum error_code pendulum_time_run(const struct peer_pendulum *peer,
                                          const struct peer_chain *chain, double dt, double *seconds,
                                          struct error *error)
@@ -283,7 +285,8 @@ static enum error_code pendulum_measure_row(const struct peer_pendulum *peer,
     peer->get(engine, body);
     start = energy_of(chain, body);
 
-    /* The largest errors at up to CHECKS_MAX moments; the speed in a run without these checks */
+    /* Check the errors at up to CHECKS_MAX times; measure the speed in a separate run without
+     * checks */
     for (size_t k = 0; k < steps; k += stride) {
         double energy;
 
@@ -329,7 +332,7 @@ double pendulum_analytic_period(void)
     double m = 4.0 * (5.0 / 24.5) / (PENDULUM_START_SPEED * PENDULUM_START_SPEED), a = 1.0,
            b = sqrt(1.0 - m);
 
-    /* K(m) = pi / (2 agm(1, sqrt(1 - m))), by the arithmetic-geometric mean */
+    /* K(m) = pi / (2 agm(1, sqrt(1 - m))), from the arithmetic-geometric mean */
     for (int i = 0; i < 8; i++) {
         double mean = 0.5 * (a + b);
 
@@ -339,8 +342,8 @@ double pendulum_analytic_period(void)
     return 4.0 * M_PI / (2.0 * a) / PENDULUM_START_SPEED;
 }
 
-/* Computes the fraction of the step at which the angle passes goal, by Newton's method on the cubic
- * that fits angle and rate at both ends. */
+/* Computes the fraction of the step at which the angle reaches goal. Applies Newton's method to the
+ * cubic that fits angle and rate at both ends. */
 static double turn_end_fraction(const double before[2], const double after[2], double goal)
 {
     double s = (goal - before[0]) / (after[0] - before[0]);
@@ -376,8 +379,7 @@ enum error_code pendulum_run_course(const struct peer_pendulum *peer,
         return code;
     }
 
-    /* At every step, follow the angle without jumps, and find the end of a turn between two
-     * steps */
+    /* At every step, unwrap the angle and detect the end of a turn */
     peer->get(engine, body);
     after[0] = body[0].angle;
     for (size_t k = 0; k < steps; k++) {
@@ -391,7 +393,7 @@ enum error_code pendulum_run_course(const struct peer_pendulum *peer,
         before[1] = body[0].rate;
         peer->step(engine, 1);
         peer->get(engine, body);
-        /* The angle is continuous, although the engine's may jump by a turn */
+        /* Unwrap the engine's angle, which may jump by a turn */
         after[0] = before[0] + remainder(body[0].angle - before[0], 2.0 * M_PI);
         after[1] = body[0].rate;
         if (after[0] >= goal && course->nturn < PENDULUM_TURNS_MAX) {

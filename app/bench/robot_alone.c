@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Strips a rig's robot of all but bodies and joints, and times it. */
+/* Reduces a rig's robot to its bodies and joints, and measures its speed. */
 #include "app/bench/bench.h"
 
 #include "base/vec3.h"
@@ -9,16 +9,16 @@
 #include <math.h>
 #include <string.h>
 
-#define ARENA_BYTES ((size_t)512 << 20) /* address space */
+#define ARENA_BYTES ((size_t)512 << 20) /* reserved address space */
 
-enum { WARM_UP_STEPS = 100 }; /* steps that fill the caches before the time counts */
+enum { WARM_UP_STEPS = 100 }; /* steps that fill the caches before the measurement */
 
-/* Springs in the joints of a robot that stands, N m/rad: so many times its weight by the height of
- * its base that an ankle carries what is above it. And how long they take to return, s: so damped
- * they are stable in MuJoCo too, which takes springs explicitly and dampers implicitly. */
+/* Joint springs of a standing robot. The stiffness, N m/rad, is this factor times weight times
+ * height of the base, so that an ankle can carry the robot. The damping gives this return time, s.
+ * It keeps MuJoCo stable, which integrates springs explicitly and dampers implicitly. */
 static const double STANDING_STIFFNESS = 10.0, STANDING_RETURN_S = 0.1;
 
-/* How far the base of one that stands may move, m. */
+/* Largest displacement of the base of a robot that still stands, m. */
 static const double STANDING_NEAR_M = 0.05;
 
 /* A robot reduced to its bodies and joints. A standing robot also has joint springs and the contact
@@ -30,7 +30,7 @@ struct alone {
     bool standing;
 };
 
-/* Keeps the pairs of a robot's surfaces with level ground. */
+/* Keeps only the contact pairs of the robot with level ground. */
 static enum error_code alone_keep_feet(struct alone *alone, struct arena *arena,
                                        struct error *error)
 {
@@ -55,7 +55,7 @@ static enum error_code alone_keep_feet(struct alone *alone, struct arena *arena,
     return ERROR_NONE;
 }
 
-/* Loads the rig and makes such a robot. */
+/* Loads the rig and reduces its robot. */
 static enum error_code alone_strip(struct alone *alone, const char *rig, struct arena *arena,
                                    struct error *error)
 {
@@ -90,7 +90,7 @@ static enum error_code alone_strip(struct alone *alone, const char *rig, struct 
                : ERROR_NONE;
 }
 
-/* Times our plant. */
+/* Measures the speed of our plant. */
 static enum error_code alone_time_ours(const struct alone *alone, struct arena *arena,
                                        double seconds, double *cpu_s, struct error *error)
 {
@@ -123,7 +123,7 @@ static enum error_code alone_time_ours(const struct alone *alone, struct arena *
         return error_set(error, ERROR_UNSUPPORTED, "%s: no start", rig->file);
     }
 
-    /* Fill the caches, begin again, and time the steps that count */
+    /* Fill the caches, restart, and measure the steps */
     plant_step(plant, WARM_UP_STEPS);
     plant_reset(plant, rig->base_position, rig->base_quaternion, rig->joint);
     begun_s = bench_cpu_s();
@@ -139,7 +139,7 @@ static enum error_code alone_time_ours(const struct alone *alone, struct arena *
     return ERROR_NONE;
 }
 
-/* Times MuJoCo. */
+/* Measures the speed of MuJoCo. */
 static enum error_code alone_time_mujoco(const struct alone *alone,
                                          const struct peer_dynamics *mujoco, bool implicit,
                                          struct arena *arena, double seconds, double *cpu_s,
@@ -164,7 +164,7 @@ static enum error_code alone_time_mujoco(const struct alone *alone,
         return error_set(error, ERROR_UNSUPPORTED, "MuJoCo: %s: %s", rig->file, message);
     }
 
-    /* Set the pose, step some times to fill the caches, then time the steps that count */
+    /* Set the pose, fill the caches with some steps, then measure the steps */
     if (rig->robot->floating) {
         memcpy(q + BASE_Q_POSITION, rig->base_position, sizeof rig->base_position);
         memcpy(q + BASE_Q_QUATERNION, rig->base_quaternion, sizeof rig->base_quaternion);

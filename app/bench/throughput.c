@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * coman-hil-bench throughput: how many simulated seconds a sweep gets out of a processor in an
- * hour, by rig. Cases run by coman-hil test as in a sweep; beside them the robot without its bench.
- * coman-hil-bench ticks: the CPU time of each tick of a rig, by percentiles.
+ * coman-hil-bench throughput: measures how many simulated seconds a sweep computes per processor
+ * and hour, by rig. It runs cases with coman-hil test, as a sweep does, and for comparison the
+ * robot alone. coman-hil-bench ticks: measures the CPU time of each tick of a rig, by percentiles.
  */
 #include "app/bench/bench.h"
 #include "base/array.h"
@@ -25,21 +25,22 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define ARENA_BYTES ((size_t)512 << 20) /* address space */
+#define ARENA_BYTES ((size_t)512 << 20) /* reserved address space */
 
-/* Simulated time of bench ticks that is not counted, s: caches warm up; a limp robot falls. */
+/* Simulated time at the start that the benchmark ticks does not count, s. In this time the caches
+ * fill and a robot without power falls. */
 #define WARM_UP_S 0.1
 #define FALL_S 3.0
 
 enum {
     RIGS_MAX = 32,
     ROUNDS_MAX = 99,
-    RANGE = 10, /* cases of the range whose start is measured */
+    RANGE = 10, /* number of one-tick cases, which measure the start of a case */
     READINGS = 10001,
     FORMAT_VERSION = 2,
 };
 
-/* What is measured in a round. */
+/* The quantities measured in a round. */
 enum figure {
     FIGURE_RATE,
     FIGURE_ALONE,
@@ -68,21 +69,21 @@ static const char *const figure_names[FIGURES] = {
     [FIGURE_WHOLE_MB] = "case_mb",
 };
 
-/* A rig under measurement. */
+/* A measured rig. */
 struct measured_rig {
     const char *rig, *task;
-    char file[PATH_MAX]; /* rig from the root; empty for the name of a rig */
+    char file[PATH_MAX]; /* absolute path of the rig; "" if the rig is given by name */
     size_t nbus, nboard, naxis, nv;
     double tick_s, step_s;
     double figure[FIGURES][ROUNDS_MAX]; /* sorted after the last round; NAN = none */
 };
 
-/* The command lines, and the measurement. */
+/* The command line and the measurements. */
 struct throughput {
     const char *task, *peers, *file;
     const char *const *rig;
     int64_t rounds;
-    double seconds; /* simulated time of a case, or of a rig whose ticks are timed */
+    double seconds; /* simulated time of a case, or of a rig for the benchmark ticks */
     bool limp;
     struct peers_library library;
     const struct peer_dynamics *mujoco; /* NULL = not found */
@@ -90,7 +91,7 @@ struct throughput {
     struct measured_rig measured[RIGS_MAX];
 };
 
-/* The shipped rigs' tasks, and which benchmark measures them by default. */
+/* The tasks of the shipped rigs, and the benchmark that measures each rig by default. */
 static const struct shipped_rig {
     const char *rig, *task;
     bool throughput, ticks;
@@ -102,8 +103,8 @@ static const struct shipped_rig {
     {"coman-foc", "squat", true, false},    {"hyq", "hold", true, false},
 };
 
-/* Chooses the rigs from the command line, else the shipped ones. The task comes from the command
- * line, else from the list, else it is NULL. */
+/* Chooses the rigs from the command line, else the shipped rigs. Takes the task from the command
+ * line, else from the list, else leaves it NULL. */
 static enum error_code choose_rigs(struct throughput *t, bool ticks, struct error *error)
 {
     const size_t count = t->rig[0] ? SIZE_MAX : ARRAY_COUNT(shipped);
@@ -127,7 +128,7 @@ static enum error_code choose_rigs(struct throughput *t, bool ticks, struct erro
     return ERROR_NONE;
 }
 
-/* Reads the command line of one of the two benchmarks and runs it. */
+/* Reads the command line of the benchmark throughput or ticks, and runs it. */
 static int run_benchmark(struct command_spec *spec, int argc, char **argv, struct throughput *t,
                          enum error_code (*measure)(struct throughput *, struct error *))
 {
@@ -150,13 +151,13 @@ static int run_benchmark(struct command_spec *spec, int argc, char **argv, struc
 
 /* ---- cases ---- */
 
-/* What a process and those that it waited for have cost. */
+/* Resource use of a process and its finished child processes. */
 struct cost {
     double cpu_s, resident_mb;
 };
 
-/* Runs coman-hil test with its arguments in folder, waits for it, and measures its cost. A case
- * that does not pass is an error: a robot that falls costs something else. */
+/* Runs coman-hil test with its arguments in folder, waits for it, and measures its cost. Returns an
+ * error if a case does not pass, because the cost of a fallen robot cannot be compared. */
 static enum error_code run_test(const char *program, const char *folder, const char *rig,
                                 const char *const argument[4], struct cost *cost,
                                 struct error *error)
@@ -197,8 +198,9 @@ static enum error_code run_test(const char *program, const char *folder, const c
                : ERROR_NONE;
 }
 
-/* Writes a rig's name as a scenario in folder may state it. A file has to be below that folder, and
- * may name others beside its own: so the tree that it is in is linked there. */
+/* Writes a rig's name for a scenario in folder. A scenario can only name files below its folder,
+ * and a rig file may refer to files beside it. Therefore it links the rig's whole tree into
+ * folder. */
 static void put_rig_name(const struct measured_rig *rig, const char *folder, FILE *scenario)
 {
     char tree[PATH_MAX], link[PATH_MAX + 64], name[PATH_MAX];
@@ -209,7 +211,7 @@ static void put_rig_name(const struct measured_rig *rig, const char *folder, FIL
         return;
     }
 
-    /* The tree is what stands before the file's folder */
+    /* The tree is the part of the path before the file's folder */
     for (int part = 0; part < 2; part++) {
         while (end > 0 && rig->file[--end] != '/') {
         }
@@ -221,7 +223,8 @@ static void put_rig_name(const struct measured_rig *rig, const char *folder, FIL
     json_text_put(name, scenario);
 }
 
-/* Writes a scenario, and a sweep over it: first RANGE cases of one tick, then whole ones. */
+/* Writes a scenario and a sweep over it. The first RANGE cases take one tick; the others are whole
+ * cases. */
 static enum error_code write_sweep(const struct throughput *t, const struct measured_rig *rig,
                                    const char *folder, struct error *error)
 {
@@ -245,7 +248,7 @@ static enum error_code write_sweep(const struct throughput *t, const struct meas
         failed |= fclose(scenario);
     }
 
-    /* A number that changes nothing makes the samples of each duration */
+    /* A parameter without effect makes the samples of each duration */
     if (sweep) {
         fprintf(sweep,
                 "name: throughput\nscenarios: [case.yaml]\nsamples: %d\nparameters:\n"
@@ -256,7 +259,7 @@ static enum error_code write_sweep(const struct throughput *t, const struct meas
     return failed ? error_set(error, ERROR_SYSTEM, "%s: cannot be written", folder) : ERROR_NONE;
 }
 
-/* Removes the results, so that the cases run again. */
+/* Removes the results so that the cases run again. */
 static void forget_results(const char *folder)
 {
     char path[PATH_MAX + 64];
@@ -267,12 +270,11 @@ static void forget_results(const char *folder)
     }
 }
 
-/* Measures a round of a rig in a folder, which holds nothing but what its earlier rounds
- * left. */
+/* Measures one round of a rig in a folder that contains only the files of its earlier rounds. */
 static enum error_code measure_round(struct throughput *t, struct measured_rig *rig, size_t round,
                                      const char *program, const char *folder, struct error *error)
 {
-    /* The first cases are those of one tick; the next one is the first whole case */
+    /* The first cases take one tick; the next one is the first whole case */
     static const char *const plan[4] = {"--plan", "sweep.yaml", "--output", "cases"};
     static const char *const one[4] = {"--case=1", "cases"};
     static const char *const many[4] = {"--case=1-10", "cases", "--jobs=1"};
@@ -288,14 +290,15 @@ static enum error_code measure_round(struct throughput *t, struct measured_rig *
         return code;
     }
 
-    /* The first case ran alone; in the range it has to run again */
+    /* The first case ran alone; remove its result so that it runs again in the range */
     forget_results(folder);
     if ((code = run_test(program, folder, rig->rig, many, &range, error)) ||
         (code = run_test(program, folder, rig->rig, full, &whole, error))) {
         return code;
     }
 
-    /* Ticks alone: a whole case less one of a single tick; none by noise is no figure */
+    /* Cost of the ticks: a whole case minus a one-tick case; no figure if noise makes it
+     * negative */
     ticks_s = whole.cpu_s > start.cpu_s ? whole.cpu_s - start.cpu_s : (double)NAN;
     value[FIGURE_RATE] = 3600.0 * t->seconds / ticks_s;
     value[FIGURE_HOURLY] = 3600.0 / (range.cpu_s / RANGE + ticks_s);
@@ -319,7 +322,7 @@ static enum error_code measure_round(struct throughput *t, struct measured_rig *
     return ERROR_NONE;
 }
 
-/* Removes an entry of a folder; called by nftw from the bottom up. */
+/* Removes an entry of a folder; a callback of nftw, which visits a folder after its entries. */
 static int remove_entry(const char *path, const struct stat *status, int kind, struct FTW *where)
 {
     (void)status;
@@ -328,7 +331,7 @@ static int remove_entry(const char *path, const struct stat *status, int kind, s
     return remove(path);
 }
 
-/* Runs all rounds, the rigs in turn, each in a folder of its own below a scratch folder. */
+/* Runs all rounds. Rigs take turns; each one has its own folder below a scratch folder. */
 static enum error_code run_rounds(struct throughput *t, struct error *error)
 {
     static const char end[] = "-bench";
@@ -338,7 +341,7 @@ static enum error_code run_rounds(struct throughput *t, struct error *error)
     ssize_t length = readlink("/proc/self/exe", program, sizeof program - 1);
     enum error_code code = ERROR_NONE;
 
-    /* coman-hil stands beside this program: its name without "-bench" */
+    /* coman-hil is in this program's folder: the same name without "-bench" */
     program[length > (ssize_t)strlen(end) ? length - (ssize_t)strlen(end) : 0] = '\0';
     if (access(program, X_OK)) {
         return error_set_file(error, errno, program, "cannot be run");
@@ -361,14 +364,14 @@ static enum error_code run_rounds(struct throughput *t, struct error *error)
 
 /* ---- tables ---- */
 
-/* Returns the median of a figure over the rounds; NAN when a round has none. */
+/* Returns the median of a figure over the rounds, or NAN if a round has no value. */
 static double median_of(const struct throughput *t, const struct measured_rig *rig, unsigned figure)
 {
     return isfinite(rig->figure[figure][0]) ? rig->figure[figure][t->rounds / 2] : (double)NAN;
 }
 
-/* Prints a table of figures, a row for each rig: "12345 (12000 .. 13000)" with the ratio of the
- * first to the last, or medians alone; "-" for none. */
+/* Prints a table of figures, one row per rig. It shows medians and ranges as "12345 (12000 ..
+ * 13000)" with the ratio of the first to the last figure, or medians only. "-" = no value. */
 static void print_table(const struct throughput *t, unsigned first, unsigned last, bool alone)
 {
     for (size_t i = 0; i < t->nmeasured; i++) {
@@ -434,7 +437,7 @@ static void write_json(const struct throughput *t, FILE *out)
     fputs("\n]}\n", out);
 }
 
-/* Fills in what the rigs' files say, and the tasks that are NULL. */
+/* Reads the rigs' files: fills in their data, and the tasks that are NULL. */
 static enum error_code read_rigs(struct throughput *t, struct error *error)
 {
     enum error_code code = ERROR_NONE;
@@ -542,15 +545,15 @@ int bench_throughput(int argc, char **argv)
 
 /* ---- ticks ---- */
 
-/* Ticks under the clock. */
+/* Measures the CPU time of ticks. */
 struct ticks_timer {
-    double begun_s;   /* CPU time at which the present tick began; less than 0 = none */
-    double reading_s; /* what reading the clock takes of it */
-    int64_t from_ns;  /* virtual time from which they count */
+    double begun_s;   /* CPU time at which the current tick began; negative = no tick yet */
+    double reading_s; /* CPU time of one reading of the clock */
+    int64_t from_ns;  /* virtual time from which ticks count */
     struct histogram histogram;
 };
 
-/* Ends the tick before and begins the next; the observer's callback. */
+/* Ends the previous tick and begins the next; a callback of the loop's observer. */
 static void time_tick(void *context, int64_t now_ns)
 {
     struct ticks_timer *timer = context;
@@ -563,7 +566,7 @@ static void time_tick(void *context, int64_t now_ns)
     timer->begun_s = now_s;
 }
 
-/* Returns the mean time of reading the clock of CPU time, s. */
+/* Returns the mean time that it takes to read the CPU clock, s. */
 static double time_reading(void)
 {
     const double begun_s = bench_cpu_s();
@@ -574,7 +577,7 @@ static double time_reading(void)
     return (bench_cpu_s() - begun_s) / READINGS;
 }
 
-/* Runs a rig for seconds beyond what is not counted, and prints its row. */
+/* Runs a rig for WARM_UP_S plus the given time, and prints its row. */
 static enum error_code time_rig(const struct throughput *t, const struct measured_rig *measured,
                                 struct arena *arena, struct ticks_timer *timer, struct error *error)
 {
