@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads benches and their recordings. */
+/* Reads bench files and recordings. */
 
 #include "app/identify/identify.h"
 
@@ -14,7 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Most bytes of a recording that is read. */
+/* Largest accepted size of a recording, bytes. */
 enum { RECORDING_BYTES_MAX = 1 << 28 };
 
 #define AT(member) offsetof(struct STRUCT, member)
@@ -140,7 +140,7 @@ static const struct yaml_schema bench_schema =
     YAML_SCHEMA("a measured bench", struct bench, bench_fields);
 #undef STRUCT
 
-/* Finds the number of a key; an unknown key is an error at its place. */
+/* Finds a parameter by its key. An unknown key is an error at its place in the file. */
 static enum error_code find_number(const struct yaml_mark *mark, const char *key, int *parameter,
                                    struct error *error)
 {
@@ -149,8 +149,8 @@ static enum error_code find_number(const struct yaml_mark *mark, const char *key
                : ERROR_NONE;
 }
 
-/* Checks which two quantities of a point are known: one of the motor's and one of the load's
- * side, or speed and load; a current and a load leave the speed open. */
+/* Checks which two quantities of a point are known: the speed and one other, or load and voltage.
+ * Load and current are refused, because they do not determine the speed. */
 static enum error_code check_point(const struct bench_point *point, struct error *error)
 {
     const double *known = point->known;
@@ -213,7 +213,7 @@ static enum error_code check_recordings(const struct bench *bench, struct error 
     return ERROR_NONE;
 }
 
-/* Checks what the table of keys cannot say. */
+/* Checks the conditions that the schema cannot express. */
 static enum error_code check_bench(struct bench *bench, struct error *error)
 {
     enum error_code code =
@@ -281,7 +281,7 @@ enum error_code bench_of_own(const char *joint, struct arena *arena, struct benc
 
 /* ---- recordings ---- */
 
-/* Returns the number behind a word in the comments of a text, or 0. */
+/* Returns the number after a word in the comments of a text, or 0. */
 static double find_gain(const char *text, size_t size, const char *word)
 {
     const size_t length = strlen(word);
@@ -294,7 +294,7 @@ static double find_gain(const char *text, size_t size, const char *word)
     return 0.0;
 }
 
-/* Returns the bytes of the lines at the begin that are comments. */
+/* Returns the size of the comment lines at the start of a text, bytes. */
 static size_t comment_size(const char *text)
 {
     const char *at = text;
@@ -306,7 +306,7 @@ static size_t comment_size(const char *text)
     return (size_t)(at - text);
 }
 
-/* The columns that are read, in the order of find_columns. */
+/* The columns to read, in the order of find_columns. */
 enum {
     COLUMN_TIME,
     COLUMN_POSITION,
@@ -317,7 +317,8 @@ enum {
     COLUMNS
 };
 
-/* Finds the columns of a table by their titles; -1 where the bench names none. */
+/* Finds the columns of a table by their titles. The index is -1 if the bench has no title for a
+ * column. */
 static enum error_code find_columns(const struct bench_columns *columns, const struct csv *csv,
                                     int column[COLUMNS], struct error *error)
 {
@@ -346,7 +347,7 @@ static enum error_code find_columns(const struct bench_columns *columns, const s
     return ERROR_NONE;
 }
 
-/* The longest mean time between two rows of a recording, s. */
+/* Largest mean time between two rows of a recording, s. */
 static const double ROW_S = 0.5;
 
 /* Reads the rows of a table into arrays of `most` entries. */
@@ -376,7 +377,7 @@ static enum error_code read_rows(struct csv *csv, const int column[COLUMNS], siz
         return error_set(error, ERROR_INPUT, "%s: found %zu rows, expected 16 or more", csv->path,
                          r->count);
     }
-    /* A drive answers within milliseconds: rows that far apart are in another unit of time */
+    /* Drives respond within milliseconds, so a larger time step means another unit of time */
     if (!code && r->time[r->count - 1] - r->time[0] > ROW_S * (double)(r->count - 1)) {
         return error_set(error, ERROR_INPUT,
                          "%s: found %zu rows in %.9g s, expected one in %g s or more: is the "

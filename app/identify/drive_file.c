@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes a drive that was identified as a file of the catalogue. */
+/* Writes an identified drive as a file of the catalogue. */
 
 #include "app/identify/identify.h"
 
@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Writes where the numbers come from, as comments. */
+/* Writes the source of the numbers, as comments. */
 static void write_head(const struct identify_bench *bench, const struct fit_problem *problem,
                        const struct identify_result *result, FILE *out)
 {
@@ -44,7 +44,7 @@ static void write_head(const struct identify_bench *bench, const struct fit_prob
         "began\n# from.\n");
 }
 
-/* Returns the index of a parameter among the free ones, or -1. */
+/* Returns the index of a parameter in the list of free parameters, or -1. */
 static int find_free(const struct fit_problem *problem, int parameter)
 {
     for (size_t i = 0; i < problem->nfree; i++) {
@@ -55,7 +55,7 @@ static int find_free(const struct fit_problem *problem, int parameter)
     return -1;
 }
 
-/* Writes the keys of the drive, each with its trust. */
+/* Writes the keys of the drive, each with the uncertainty of its value. */
 static void write_keys(const struct identify_bench *bench, const struct fit_problem *problem,
                        const struct identify_result *result, FILE *out)
 {

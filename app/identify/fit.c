@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Least squares over recordings. The variable u of a number p within its bounds is
- * p = lower + (upper - lower) (1 + sin u) / 2, on the logarithm of p where the bounds are a decade
- * apart and above zero.
+ * Least-squares fit to recordings. A parameter p is expressed by an unbounded variable u: p = lower
+ * + (upper - lower) (1 + sin u) / 2. If both bounds are positive and at least a decade apart, the
+ * formula applies to the logarithm of p.
  */
 
 #include "app/identify/identify.h"
@@ -18,13 +18,13 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Step of differences in u, nearest that a start may be to a bound in sin u, and when the fit
- * ends: a relative change of the sum of squares or of the variables. */
+/* Step in u for finite differences; largest |sin u| of a start value; tolerance of the fit, as
+ * relative change of the sum of squares or of the variables. */
 #define DIFFERENCE 1e-3
 #define NEAREST 0.98
 #define TOLERANCE 1e-4
 
-/* Sine beyond which a number is at its bound. */
+/* A parameter with a larger |sin u| is at its bound. */
 #define AT_BOUND 0.9995
 
 enum { THREADS_MAX = 8 };
@@ -35,13 +35,13 @@ const struct word fit_verdict_words[] = {{"known", FIT_KNOWN},
                                          {"not told by these recordings", FIT_NOT_TOLD},
                                          {NULL, 0}};
 
-/* A fit on its way. */
+/* A running fit. */
 struct fit {
     const struct fit_problem *problem;
-    size_t first[1024], nrow; /* where each recording's residuals begin; rows of recordings */
-    size_t m;                 /* rows with those of priors */
-    double level;             /* error of one independent measurement, rad: priors weigh by it */
-    double *work;             /* residuals of each set of variables, m * (nfree + 1) */
+    size_t first[1024], nrow; /* first residual of each recording; number of all rows */
+    size_t m;                 /* number of residuals, priors included */
+    double level; /* error of one independent measurement, rad, which scales the priors */
+    double *work; /* residuals for nfree + 1 sets of variables, m each */
     atomic_int simulations;
     int step;
     struct error *error;
@@ -97,8 +97,8 @@ static void set_variables(const struct fit_problem *problem, const double *u,
 
 /* ---- residuals ---- */
 
-/* Returns the root of the loss of an error: the error while it is small against robust, and growing
- * with its square root beyond. */
+/* Returns the square root of the loss of an error. It is about equal to an error far below robust.
+ * Far above robust it grows with the square root of the error. */
 static double soften_error(double error, double robust)
 {
     const double z = robust > 0.0 ? error / robust : 0.0;
@@ -106,7 +106,7 @@ static double soften_error(double error, double robust)
     return error * sqrt(2.0 / (1.0 + sqrt(1.0 + z * z)));
 }
 
-/* Simulates a recording for a set of variables. */
+/* Computes the residuals of one recording with one set of variables. */
 static enum error_code residuals_of(struct fit *fit, size_t recording, const double *u, double *out,
                                     struct error *error)
 {
@@ -124,7 +124,7 @@ static enum error_code residuals_of(struct fit *fit, size_t recording, const dou
     return code;
 }
 
-/* Fills the residuals of priors, each of which weighs as one independent measurement. */
+/* Computes the residuals of the priors. Each prior weighs as one independent measurement. */
 static void prior_residuals(const struct fit *fit, const double *u, double *out)
 {
     size_t row = fit->nrow;
@@ -138,17 +138,17 @@ static void prior_residuals(const struct fit *fit, const double *u, double *out)
     }
 }
 
-/* Sets of variables that are simulated at once: each with each recording is a job. */
+/* Sets of variables that are simulated in parallel. A job is one recording with one set. */
 struct batch {
     struct fit *fit;
-    const double *u; /* nset sets of nfree */
+    const double *u; /* nset sets of nfree variables */
     size_t nset;
-    double *out; /* nset times m */
+    double *out; /* nset sets of m residuals */
     atomic_size_t next;
     atomic_bool failed;
 };
 
-/* Returns whether a problem uses a recording. */
+/* Returns whether the fit uses a recording. */
 static bool is_used(const struct fit_problem *problem, size_t recording)
 {
     return !problem->use || problem->use[recording];
@@ -179,7 +179,7 @@ static void *run_jobs(void *context)
     return NULL;
 }
 
-/* Computes the residuals of several sets of variables with all processors. */
+/* Computes the residuals of several sets of variables on all processors. */
 static void run_batch(struct fit *fit, const double *u, size_t nset, double *out)
 {
     struct batch batch = {.fit = fit, .u = u, .nset = nset, .out = out};
@@ -199,7 +199,7 @@ static void run_batch(struct fit *fit, const double *u, size_t nset, double *out
 
 /* ---- the solver's view ---- */
 
-/* Returns the root of the mean square of the residuals of recordings, rad. */
+/* Returns the root mean square of the residuals of recordings, rad. */
 static double rms_of(const struct fit *fit, const double *residual)
 {
     double sum = 0.0;
@@ -210,8 +210,8 @@ static double rms_of(const struct fit *fit, const double *residual)
     return sqrt(sum / (double)fit->nrow);
 }
 
-/* Computes residuals (flag 1) or the Jacobian by forward differences (flag 2), column by column;
- * negative ends the fit. */
+/* Callback of the solver: computes the residuals (flag 1), or the Jacobian by forward differences
+ * in column order (flag 2). A negative result ends the fit. */
 static int fit_evaluate(void *context, int m, int n, const double *u, double *residual,
                         double *jacobian, int stride, int flag)
 {
@@ -244,8 +244,8 @@ static int fit_evaluate(void *context, int m, int n, const double *u, double *re
 
 /* ---- what the fit tells ---- */
 
-/* Returns how many rows count as one measurement: 1 + 2 times the sum of the residual's
- * autocorrelation up to its first zero, of the recordings together. */
+/* Returns the number of rows that count as one independent measurement: 1 + 2 times the sum of the
+ * residuals' autocorrelation up to its first zero, over all recordings. */
 static double find_coherence(const struct fit *fit, const double *residual)
 {
     double sum = 0.0, all = 0.0;
@@ -278,7 +278,7 @@ static double find_coherence(const struct fit *fit, const double *residual)
     return all > 0.0 ? sum / all : 1.0;
 }
 
-/* Judges what is known of a number. */
+/* Returns the verdict on the uncertainty of a parameter. */
 static enum fit_verdict judge_value(const struct fit_free *free, double u, double value,
                                     double sigma)
 {
@@ -291,7 +291,7 @@ static enum fit_verdict judge_value(const struct fit_free *free, double u, doubl
                                                           : FIT_ROUGH;
 }
 
-/* Fills sigmas and correlations from the solver's factors. */
+/* Computes sigmas and correlations from the solver's factors. */
 static void find_covariance(struct fit *fit, const double *u, double sum, double *factor,
                             const int *pivot, struct fit_result *result)
 {
@@ -317,7 +317,7 @@ static void find_covariance(struct fit *fit, const double *u, double sum, double
     }
 }
 
-/* Fills rms and coherence of the residuals, and what an independent measurement's error is. */
+/* Computes rms and coherence of the residuals, and the error of an independent measurement. */
 static void weigh_residuals(struct fit *fit, const double *residual, struct fit_result *result)
 {
     result->rms_rad = rms_of(fit, residual);
@@ -325,8 +325,8 @@ static void weigh_residuals(struct fit *fit, const double *residual, struct fit_
     fit->level = result->rms_rad * sqrt(result->coherence);
 }
 
-/* Runs the solver with memory for residuals and Jacobian: once, and again where there are priors,
- * which weigh by the errors that the first time left. */
+/* Runs the solver. With priors it runs twice, because they are weighted by the errors of the first
+ * run. Allocates residuals and Jacobian. */
 static enum error_code run_solver(struct fit *fit, double *u, double *residual, double *jacobian,
                                   double *last, struct fit_result *result)
 {
@@ -368,7 +368,7 @@ enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *
                          ARRAY_COUNT(fit.first));
     }
 
-    /* Where the rows of each recording are; then those of priors */
+    /* Assign residuals to the recordings, then to the priors */
     for (size_t r = 0; r < problem->nrecording; r++) {
         fit.first[r] = fit.nrow;
         fit.nrow += is_used(problem, r) ? problem->recording[r].count : 0;
@@ -396,7 +396,7 @@ enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *
 
 /* ---- preparing ---- */
 
-/* Fills a free number from what the bench says of it, or else from what the drive is like. */
+/* Fills a free parameter from the bench's values, else from defaults that depend on the drive. */
 static void prepare_free(const struct fit_problem *problem, const struct bench_free *given,
                          struct fit_free *free)
 {

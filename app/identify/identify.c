@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Opens benches, fits and judges. */
+/* Opens benches, runs fits, and computes errors. */
 
 #include "app/identify/identify.h"
 
@@ -7,10 +7,11 @@
 #include <string.h>
 #include <time.h>
 
-/* The most that the angles of a recording span, in ranges of the joint, whose stops yield. */
+/* Largest span of the angles in a recording, as a multiple of the joint's range, because end stops
+ * yield. */
 static const double RANGES_MAX = 1.5;
 
-/* Sets the numbers that a bench has in the place of its drive's. */
+/* Replaces the drive's numbers by the numbers of a bench. */
 static void set_numbers(struct identify_bench *bench)
 {
     for (size_t i = 0; i < bench->bench.nnumber; i++) {
@@ -20,7 +21,7 @@ static void set_numbers(struct identify_bench *bench)
     }
 }
 
-/* Loads a drive of the catalogue for a bench of points. */
+/* Loads a catalogue drive for a bench of points. */
 static enum error_code load_bench_drive(struct arena *arena, struct identify_bench *bench,
                                         struct error *error)
 {
@@ -60,7 +61,7 @@ static enum error_code load_bench_rig(const char *path, struct arena *arena,
     return code;
 }
 
-/* Refuses angles that span a multiple of the joint's range, as degrees do. */
+/* Refuses angles that span much more than the joint's range, for example degrees. */
 static enum error_code check_angles(const struct robot_joint *joint, const char *path,
                                     const struct recording *recording, struct error *error)
 {
@@ -79,7 +80,7 @@ static enum error_code check_angles(const struct robot_joint *joint, const char 
                      path, least, greatest, joint->name, joint->lower, joint->upper);
 }
 
-/* Reads a recording: rows as CSV, or a log of candump. */
+/* Reads a recording: a CSV file or a candump log. */
 static enum error_code read_recording(const struct identify_bench *bench, const char *path,
                                       const char *crc32, struct arena *arena,
                                       struct recording *recording, struct error *error)
@@ -98,7 +99,7 @@ static enum error_code read_recording(const struct identify_bench *bench, const 
                               arena, recording, error);
 }
 
-/* Reads all recordings that a bench names. */
+/* Reads all recordings of a bench. */
 static enum error_code read_recordings(struct identify_bench *bench, struct arena *arena,
                                        struct error *error)
 {
@@ -203,7 +204,8 @@ double identify_mean(const double *error, size_t count)
     return used ? sum / (double)used : -1.0;
 }
 
-/* Simulates all recordings with a trial, and fills their mean errors; position may be NULL. */
+/* Simulates all recordings with the parameters of a trial, and computes their mean errors. position
+ * may be NULL. */
 static enum error_code judge_all(const struct identify_bench *bench,
                                  const struct trial_robot *trial, struct arena *arena,
                                  double *error_rad, double **position, struct error *error)
@@ -228,13 +230,13 @@ static enum error_code judge_all(const struct identify_bench *bench,
     return code;
 }
 
-/* Returns whether two recordings are left out together. */
+/* Returns whether two recordings belong to one group for cross-validation. */
 static bool same_group(const struct recording *recording, size_t a, size_t b)
 {
     return a == b || (recording[a].group[0] && !strcmp(recording[a].group, recording[b].group));
 }
 
-/* Fits to all groups but that of a recording, and judges those of its group. */
+/* Fits to all groups except the group of a recording, and computes the errors of that group. */
 static enum error_code run_fold(const struct identify_bench *bench,
                                 const struct fit_problem *problem, size_t left_out,
                                 struct arena *arena, struct identify_result *result,
@@ -266,7 +268,7 @@ static enum error_code run_fold(const struct identify_bench *bench,
     return code;
 }
 
-/* Returns the seconds of a clock that does not jump. */
+/* Returns the time of a monotonic clock, s. */
 static double now_s(void)
 {
     struct timespec now;
@@ -289,7 +291,7 @@ enum error_code identify_run(const struct identify_bench *bench, struct fit_prob
         result->crossed[i] = -1.0;
     }
 
-    /* The fit, and what it and the start make of all recordings */
+    /* Fit, then compute the errors of all recordings with the start values and with the fit */
     problem->use = use;
     code = judge_all(bench, &bench->trial, arena, result->start, NULL, error);
     code = code ? code : fit_solve(problem, &result->fit, error);
@@ -297,7 +299,7 @@ enum error_code identify_run(const struct identify_bench *bench, struct fit_prob
         code ? code
              : judge_all(bench, &result->fit.trial, arena, result->fitted, result->position, error);
 
-    /* A fold for each group */
+    /* Cross-validate: one fold per group */
     for (size_t i = 0; i < bench->nrecording && crossed && !code; i++) {
         if (use[i] && result->crossed[i] < 0.0) {
             code = run_fold(bench, problem, i, arena, result, error);
@@ -316,7 +318,7 @@ struct robot_sea trial_drive(const struct trial_robot *trial)
     return sea;
 }
 
-/* Computes a bench's points, and the mean of their relative errors. */
+/* Computes the points of a bench, and their mean relative error. */
 static enum error_code judge_points(struct validation *validation, struct arena *arena,
                                     struct error *error)
 {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Turns the frames of a log into the rows of a recording. */
+/* Converts a candump log to the rows of a recording. */
 
 #include "app/identify/identify.h"
 
@@ -10,21 +10,21 @@
 
 #include <string.h>
 
-/* A signal and where it is: in a message of a bus. */
+/* A signal, and the bus and message that contain it. */
 struct log_signal {
     size_t bus;
     const struct dbc_message *message;
-    const struct dbc_signal *signal; /* NULL = there is none */
+    const struct dbc_signal *signal; /* NULL = no signal */
 };
 
-/* What is read of a log. */
+/* The signals to read from a log. */
 struct log_source {
     const struct rig *rig;
-    struct dbc **dbc; /* one a bus */
+    struct dbc **dbc; /* one per bus */
     struct log_signal position, deflection, command;
-    double command_scale; /* of a command: 1, or the supply by 100 */
+    double command_scale; /* factor from the command to V or N m */
     bool is_torque;
-    bool reported; /* the command is what a board tells of its bridge, as it was */
+    bool reported; /* the command is the state of the bridge that a board reports */
 };
 
 bool recording_is_log(const char *path)
@@ -41,7 +41,7 @@ bool recording_is_log(const char *path)
     return c == '(';
 }
 
-/* Returns whether a name has a word at its end, or before the number of an axis. */
+/* Returns whether a name ends with a word, or with a word and the number of an axis. */
 static bool ends_in(const char *name, const char *word)
 {
     const char *at = strstr(name, word);
@@ -50,16 +50,16 @@ static bool ends_in(const char *name, const char *word)
            at[strlen(word) + strspn(at + strlen(word), "_0123")] == '\0';
 }
 
-/* What a signal has to be. NULL = whatever. */
+/* Conditions on a signal. NULL = any. */
 struct log_wanted {
-    const char *name;  /* whole */
-    const char *word;  /* its end */
-    const char *joint; /* that it is about */
+    const char *name;  /* the whole name */
+    const char *word;  /* the end of the name */
+    const char *joint; /* the joint of the signal */
     const char *unit;
-    bool commanded; /* the host says it; only without a whole name */
+    bool commanded; /* a frame of the host; only checked without a whole name */
 };
 
-/* Returns whether a signal is wanted. */
+/* Returns whether a signal meets the conditions. */
 static bool is_log_wanted(const struct log_wanted *wanted, const struct dbc_message *message,
                           const struct dbc_signal *signal)
 {
@@ -71,7 +71,7 @@ static bool is_log_wanted(const struct log_wanted *wanted, const struct dbc_mess
            (message->sender == 0) == wanted->commanded;
 }
 
-/* Finds the first signal of any bus that is wanted; returns whether there is one. */
+/* Finds the first signal of any bus that meets the conditions. Returns whether there is one. */
 static bool find_log_signal(const struct log_source *source, const struct log_wanted *wanted,
                             struct log_signal *found)
 {
@@ -88,7 +88,8 @@ static bool find_log_signal(const struct log_source *source, const struct log_wa
     return false;
 }
 
-/* Finds the signal of the joint's angle, and that of its spring where the angle is the rotor's. */
+/* Finds the signal of the joint's angle. For the angle of a rotor, also finds the deflection of the
+ * spring. */
 static bool find_angle(struct log_source *source, const char *joint, const char *name)
 {
     static const char *const words[] = {"motor_position", "motor_encoder", "position",
@@ -112,8 +113,8 @@ static bool find_angle(struct log_source *source, const char *joint, const char 
     return false;
 }
 
-/* Finds the signal of what the host commands, volts, percent of the supply, or a torque; else of
- * what the board says of its bridge. */
+/* Finds the signal of the host's command: a voltage, a percentage of the supply, or a torque.
+ * Without one, finds the state of the bridge that the board reports. */
 static bool find_log_command(struct log_source *source, const char *joint, const char *name,
                              bool is_torque)
 {
@@ -144,7 +145,7 @@ static bool find_log_command(struct log_source *source, const char *joint, const
     return source->command.signal != NULL;
 }
 
-/* Makes the databases of the rig's buses, and finds the signals. */
+/* Makes the DBC tables of the rig's buses, and finds the signals. */
 static enum error_code open_source(const struct rig *rig, const char *joint,
                                    const struct bench_columns *columns, struct arena *arena,
                                    struct log_source *source, struct error *error)
@@ -177,7 +178,7 @@ static enum error_code open_source(const struct rig *rig, const char *joint,
     return ERROR_NONE;
 }
 
-/* Reads a signal from a frame of a bus; returns whether it is there. */
+/* Reads a signal from a frame of a bus. Returns whether the frame contains it. */
 static bool read_signal(const struct log_source *source, const struct log_signal *of, size_t bus,
                         const struct bus_frame *frame, double *value)
 {
@@ -185,7 +186,7 @@ static bool read_signal(const struct log_source *source, const struct log_signal
            dbc_read_signal(of->message, of->signal, frame, value);
 }
 
-/* Returns the bus of an interface's name, nbus when it is none of the rig's. */
+/* Returns the index of the bus on this interface, or nbus if there is none. */
 static size_t find_bus(const struct rig *rig, const char *name)
 {
     size_t bus = 0;
@@ -197,14 +198,14 @@ static size_t find_bus(const struct rig *rig, const char *name)
     return bus;
 }
 
-/* A command that holds, and its integral over time since the last row. */
+/* The present command, and its integral over time since the last row. */
 struct log_command {
     bool given;
-    double value, sum; /* sum times ns */
+    double value, sum; /* sum: integral, value times ns */
     int64_t since_ns;
 };
 
-/* Lets time pass under the command. */
+/* Integrates the command up to this time. */
 static void command_pass(struct log_command *command, int64_t now_ns)
 {
     if (command->given && now_ns > command->since_ns) {
@@ -213,7 +214,8 @@ static void command_pass(struct log_command *command, int64_t now_ns)
     command->since_ns = now_ns;
 }
 
-/* Goes through a log and adds its rows while there is room; *count gets how many there are. */
+/* Reads all frames of a log, and stores rows while there is room. *count receives the number of all
+ * rows. */
 static enum error_code read_frames(const struct log_source *source, const char *path, size_t room,
                                    struct recording *r, size_t *count, struct error *error)
 {

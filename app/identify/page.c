@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes the pages of identifications and of validations. */
+/* Writes the pages on identifications and validations. */
 
 #include "app/identify/identify.h"
 
@@ -7,15 +7,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Frequencies of a residual's spectrum: so many up to SPECTRUM_HZ. */
+/* Number of frequencies in a residual's spectrum, up to SPECTRUM_HZ. */
 enum { SPECTRUM_LINES = 100 };
 #define SPECTRUM_HZ 10.0
 
-/* Correlation of two numbers that is worth a row. */
+/* Smallest correlation of two parameters that the page lists. */
 #define CORRELATED 0.8
 
-/* Computes the amplitudes of a residual (rad) at the middles of equal bands of frequency (Hz), by
- * Fourier's sum over its own times, with a Hann window. */
+/* Computes the spectrum of a residual, rad: its amplitudes at the centers of equal frequency bands,
+ * Hz. Uses a Fourier sum at the residual's own times, with a Hann window. */
 static void find_spectrum(const struct recording *r, const double *residual, double *frequency,
                           double *amplitude)
 {
@@ -37,7 +37,8 @@ static void find_spectrum(const struct recording *r, const double *residual, dou
     }
 }
 
-/* Adds plots of a recording to a page: measured beside simulated, the residual and its spectrum. */
+/* Adds plots of a recording to a page: measured and simulated angle, the residual, and its
+ * spectrum. */
 static void identify_plot(struct report *report, const char *id, const struct recording *r,
                           const double *position)
 {
@@ -75,7 +76,7 @@ static void identify_plot(struct report *report, const char *id, const struct re
     free(residual);
 }
 
-/* Writes "-" for an error that there is none of. */
+/* Returns the text of an error, "-" if there is none. */
 static const char *error_text(double error, char text[32])
 {
     if (error < 0.0) {
@@ -85,7 +86,7 @@ static const char *error_text(double error, char text[32])
     return text;
 }
 
-/* Adds the table of the numbers, and what the data cannot tell. */
+/* Adds the table of parameters, and a list of those that the data do not determine. */
 static void add_numbers(struct report *report, const struct fit_problem *problem,
                         const struct identify_result *result)
 {
@@ -230,7 +231,7 @@ static void add_bench(struct report *report, const struct validation *v)
     }
 }
 
-/* Adds a bench to the summary: errors in rad, or of points in %. */
+/* Adds a bench to the summary, with its errors in rad, or in % for points. */
 static void add_summary(struct report *report, const struct validation *v)
 {
     const struct bench *bench = &v->bench.bench;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The table of numbers that an identification may change. */
+/* The table of parameters that an identification may change. */
 
 #include "app/identify/identify.h"
 
@@ -9,16 +9,16 @@
 #include <math.h>
 #include <string.h>
 
-/* Where a number stands. */
+/* The structure that contains a parameter. */
 enum owner { OWNER_DRIVE, OWNER_EFFECTS, OWNER_BENCH };
 
-/* What a parameter that starts at zero is bounded by. */
+/* The quantity that gives the upper bound of a parameter. */
 enum scale {
     SCALE_SHARE,  /* 0.9 */
-    SCALE_TORQUE, /* half of the torque at stall */
-    SCALE_SPEED,  /* speed without load */
+    SCALE_TORQUE, /* half of the stall torque */
+    SCALE_SPEED,  /* no-load speed */
     SCALE_DAMPING,
-    SCALE_ANGLE, /* 0.1 rad, to both sides for the offset */
+    SCALE_ANGLE, /* 0.1 rad; for the offset also -0.1 rad */
     SCALE_TIME,  /* 20 ms */
     SCALE_MASS,  /* half of the mass of the link */
     SCALE_OTHER
@@ -148,7 +148,7 @@ enum error_code trial_robot_copy(const struct robot *robot, struct trial_robot *
     return ERROR_NONE;
 }
 
-/* Returns where a number stands in a trial. */
+/* Returns the address of a parameter in a trial. */
 static double *parameter_at(struct trial_robot *trial, int parameter)
 {
     const struct parameter *of = &parameters[parameter];
@@ -166,7 +166,7 @@ double parameter_get(const struct trial_robot *trial, int parameter)
     return *parameter_at(&copy, parameter);
 }
 
-/* Returns whether a key is among the free ones. */
+/* Returns whether a key is in the list of free parameters. */
 static bool is_free(const int *parameter, size_t count, const char *key)
 {
     const int sought = parameter_find(key);
@@ -189,7 +189,7 @@ void parameter_set(struct trial_robot *trial, const int *parameter, const double
         *parameter_at(trial, parameter[i]) = value[i];
     }
 
-    /* What follows a free one and is not free itself */
+    /* Set the parameters that depend on free ones, unless they are free too */
     if (is_free(parameter, count, "NKt_nm_a") && !is_free(parameter, count, "NKw_v_s_rad")) {
         trial->joint.sea.Kw = ratio * trial->joint.sea.Kt;
     }
@@ -238,7 +238,8 @@ bool parameter_is_written(const struct trial_robot *trial, int parameter)
                          of->offset >= offsetof(struct robot_effects, thermal) &&
                          of->offset < offsetof(struct robot_effects, dead_time);
 
-    /* The constants of the paper are required; what means nothing without another is left out */
+    /* The constants of the paper's drive model are required. A parameter that has no effect without
+     * another one is omitted */
     if (of->owner == OWNER_DRIVE && of->offset < offsetof(struct robot_sea, deflection)) {
         return true;
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Computes steady states from what is known of them, and draws drive/back-drive diagrams. */
+/* Computes steady states from two known quantities, and draws drive/back-drive diagrams. */
 
 #include "app/identify/identify.h"
 
@@ -9,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Points of a line of a diagram, and most points of a bench in one. */
+/* Points per line of a diagram; most points of a bench in one diagram. */
 enum { DIAGRAM_STEPS = 101, DIAGRAM_POINTS = 64 };
 
 double point_compute(const struct robot_sea *sea, const struct bench_point *point)
@@ -20,7 +20,7 @@ double point_compute(const struct robot_sea *sea, const struct bench_point *poin
 
     memcpy(q, known, sizeof q);
 
-    /* The speed, and the motor's torque */
+    /* Compute the speed and the motor torque */
     if (isnan(known[POINT_SPEED])) {
         q[POINT_SPEED] = steady_speed(sea, q[POINT_VOLTAGE], q[POINT_LOAD]);
     }
@@ -33,7 +33,7 @@ double point_compute(const struct robot_sea *sea, const struct bench_point *poin
         q[POINT_MOTOR] = steady_motor(sea, q[POINT_LOAD], q[POINT_SPEED], sense);
     }
 
-    /* What follows from them */
+    /* Compute the quantities that depend on them */
     if (isnan(known[POINT_LOAD])) {
         q[POINT_LOAD] = steady_load(sea, q[POINT_MOTOR], q[POINT_SPEED], sense);
     }
@@ -42,7 +42,8 @@ double point_compute(const struct robot_sea *sea, const struct bench_point *poin
     return q[point->find];
 }
 
-/* Copies the points of a bench that are of a diagram, of one sense. */
+/* Copies the bench's points for one line of the diagram: those at rest with a known motor torque.
+ * backdriven selects the line. */
 static size_t take_points(const struct bench *bench, bool backdriven, double *motor, double *load)
 {
     size_t count = 0;

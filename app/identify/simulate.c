@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs the plant of a rig under the commands of a recording. */
+/* Simulates the plant of a rig with the commands of a recording. */
 
 #include "app/identify/identify.h"
 
@@ -8,16 +8,16 @@
 #include <math.h>
 #include <string.h>
 
-/* Address space of a plant of one joint, bytes. */
+/* Reserved address space for a plant with one joint, bytes. */
 #define PLANT_BYTES ((size_t)1 << 22)
 
-/* Time from the begin of a recording over which its position is averaged for a start, s. */
+/* Duration over which the initial position of a recording is averaged, s. */
 #define START_S 0.02
 
-/* Adds a uniform rod between the joint's axis, at the frame's origin, and the center of mass. */
+/* Adds a uniform rod from the joint's axis, at the frame's origin, to the center of mass. */
 static void add_arm(struct robot_inertia *inertia, double arm)
 {
-    /* Both centers lie on one line: the distance between them turns their masses into inertia */
+    /* Both centers of mass lie on a line through the origin; apply the parallel axis theorem */
     static const int row[6] = {0, 0, 0, 1, 1, 2}, column[6] = {0, 1, 2, 1, 2, 2};
     const double total = inertia->mass + arm, *c = inertia->com;
     const double apart = inertia->mass * arm / total * 0.25 + arm / 12.0;
@@ -33,8 +33,8 @@ static void add_arm(struct robot_inertia *inertia, double arm)
     inertia->mass = total;
 }
 
-/* Completes a trial in place: pointers to its own parts, the arm's mass, effects only where there
- * are some, as a robot's file has them. */
+/* Completes a trial in place: sets the pointers to its own parts, and adds the arm's mass. Like the
+ * reader of a robot file, it enables the effects only if one is set. */
 static void settle_trial(struct trial_robot *trial)
 {
     static const struct robot_effects none;
@@ -48,7 +48,7 @@ static void settle_trial(struct trial_robot *trial)
         memcmp(&trial->effects, &none, sizeof none) != 0 ? &trial->effects : NULL;
 }
 
-/* Makes the plant of a trial at the begin of a recording. */
+/* Creates the plant of a trial, at the start of a recording. */
 static enum error_code make_plant(const struct rig *rig, const struct trial_robot *trial,
                                   double start, struct dynamics *dynamics, struct arena *arena,
                                   struct plant **plant, struct error *error)
@@ -71,11 +71,11 @@ static enum error_code make_plant(const struct rig *rig, const struct trial_robo
     return code;
 }
 
-/* Parts of the state of a plant of one joint: behind its angle and rate. */
+/* Index in the plant's state, after the joint's angle and rate. */
 enum { STATE_MOTOR_SPEED = 2 + DRIVE_MOTOR_SPEED };
 
-/* Sets the command that holds from a time on; row is the last one at that time; position is as the
- * recording counts it. */
+/* Sets the command from a time on. row is the last row at that time; position has the recording's
+ * zero. */
 static void set_command(const struct bench_law *law, const struct robot_sea *sea,
                         const double *state, const struct recording *r, size_t row, double position,
                         double supply, struct motor_command *command)
@@ -90,14 +90,14 @@ static void set_command(const struct bench_law *law, const struct robot_sea *sea
     } else {
         command->voltage_v = r->voltage[r->voltage_before && row + 1 < r->count ? row + 1 : row];
         if (r->is_torque) {
-            /* The voltage by which a current loop holds the current of a torque */
+            /* The voltage at which a current loop holds the current for this torque */
             command->voltage_v =
                 sea->R * command->voltage_v / sea->Kt + sea->Kw * state[STATE_MOTOR_SPEED];
         }
     }
 }
 
-/* Returns the mean position at the begin of a recording. */
+/* Returns the mean position at the start of a recording. */
 static double start_position(const struct recording *r)
 {
     double sum = 0.0;
@@ -109,7 +109,7 @@ static double start_position(const struct recording *r)
     return sum / (double)count;
 }
 
-/* Runs the plant over the recording. */
+/* Simulates the recording. */
 static void run_plant(const struct rig *rig, const struct trial_robot *trial,
                       const struct bench_law *law, const struct recording *r, struct plant *plant,
                       double *position)
@@ -126,7 +126,7 @@ static void run_plant(const struct rig *rig, const struct trial_robot *trial,
     for (size_t k = 0; next < r->count; k++) {
         const double now = r->time[0] + (double)k * tick;
 
-        /* Times up to the end of the tick lie between its two positions */
+        /* Interpolate the times up to the end of the tick between the two positions */
         while (row + 1 < r->count && r->time[row + 1] <= now - trial->bench.delay_s + 1e-9) {
             row++;
         }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes plots as PNG, through a program that draws SVG. */
+/* Converts SVG plots to PNG with an external program. */
 #include "app/report/svg.h"
 
 #include <errno.h>
@@ -9,8 +9,8 @@
 
 extern char **environ;
 
-/* Runs rsvg-convert with these as its standard input and output; returns its wait status, or 0 with
- * an error of the system in *reason. */
+/* Runs rsvg-convert with these descriptors as standard input and output. Returns its wait status.
+ * If the system cannot run it, returns 0 and sets *reason to errno. */
 static int png_run_converter(int in, int out, int *reason)
 {
     static char name[] = "rsvg-convert", format[] = "--format=png", zoom[] = "--zoom=2";
@@ -31,7 +31,7 @@ static int png_run_converter(int in, int out, int *reason)
         return 0;
     }
 
-    /* A signal may interrupt the wait */
+    /* Wait again if a signal interrupts */
     while (waitpid(process, &status, 0) < 0) {
         if (errno != EINTR) {
             *reason = errno;

@@ -8,11 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Longest text or row, bytes; cells of a row, at most. */
+/* Largest size of a text or row, bytes; largest number of cells in a row. */
 enum { LINE_BYTES = 4096, CELLS_MAX = 16 };
 
-/* Style of the page: legible on a telephone and on paper, light or dark as the reader's system is
- * set. */
+/* Style sheet: readable on a telephone and on paper; light or dark as the reader prefers. */
 static const char style[] =
     ":root{color-scheme:light dark;--ink:#1b1f24;--soft:#57606a;--paper:#fff;--line:#d0d7de;"
     "--grid:#e3e6ea;--band:#f6f8fa;--link:#0a58ca}\n"
@@ -49,7 +48,7 @@ static const char style[] =
     "fill:none}.line{stroke-width:1.7;fill:none;stroke-linejoin:round}\n"
     "@media print{h2{break-after:avoid}figure,table{break-inside:avoid}}\n";
 
-/* Writes a field of CSV, in quotation marks where it needs them. */
+/* Writes a CSV field, with quotation marks if it needs them. */
 static void put_csv(FILE *out, const char *text)
 {
     if (!strpbrk(text, ",\"\n")) {
@@ -66,7 +65,7 @@ static void put_csv(FILE *out, const char *text)
     putc('"', out);
 }
 
-/* Keeps the first error of a report. */
+/* Stores the error unless the report already has one. */
 static void report_fail(struct report *report, enum error_code code, const char *what)
 {
     if (!report->error.code) {
@@ -74,13 +73,13 @@ static void report_fail(struct report *report, enum error_code code, const char 
     }
 }
 
-/* Checks whether nothing has failed so far. */
+/* Checks whether the report has no error. */
 static bool report_is_good(const struct report *report)
 {
     return !report->error.code;
 }
 
-/* Copies a text to the heap; NULL when there is no memory, which fails the report. */
+/* Copies a text to the heap. Without memory it stores an error and returns NULL. */
 static char *report_copy_text(struct report *report, const char *text)
 {
     char *copy = strdup(text);
@@ -91,7 +90,7 @@ static char *report_copy_text(struct report *report, const char *text)
     return copy;
 }
 
-/* Splits a line into cells at '|', in place; returns their number. */
+/* Splits a line at '|' in place. Returns the number of cells. */
 static size_t report_split_cells(char *line, char *cell[CELLS_MAX])
 {
     size_t count = 0;
@@ -129,7 +128,8 @@ enum error_code report_open(struct report *report, const char *folder, const cha
     return report->body ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory for the report");
 }
 
-/* Opens a file beside the page, of which one is open at a time; NULL when the report has failed. */
+/* Opens a file beside the page; only one may be open at a time. Returns NULL if the report has an
+ * error. */
 static FILE *open_file(struct report *report, const char *name)
 {
     if (report_is_good(report)) {
@@ -138,7 +138,7 @@ static FILE *open_file(struct report *report, const char *name)
     return report_is_good(report) ? report->file.whole.out : NULL;
 }
 
-/* Closes that file. */
+/* Closes the open file beside the page. */
 static void close_file(struct report *report)
 {
     struct error error;
@@ -148,7 +148,7 @@ static void close_file(struct report *report)
     }
 }
 
-/* Ends the table that is open, if any, and its CSV file. */
+/* Ends the open table, if any, and its CSV file. */
 static void close_table(struct report *report)
 {
     if (report->csv) {
@@ -191,7 +191,7 @@ void report_text(struct report *report, const char *format, ...)
     fputs("</p>\n", report->body);
 }
 
-/* Writes a row into the page, with its cells as such elements, and into the CSV file. */
+/* Writes a row to the page, with each cell in this HTML element, and to the CSV file. */
 static void put_cells(struct report *report, const char *element, char *line)
 {
     char *cell[CELLS_MAX];
@@ -258,7 +258,7 @@ void report_finding(struct report *report, bool main, const char *format, ...)
         return;
     }
 
-    /* Cells that are left out are empty */
+    /* Missing cells are empty */
     for (count = report_split_cells(copy, cell); count < 4; count++) {
         cell[count] = copy + strlen(copy);
     }
@@ -267,7 +267,8 @@ void report_finding(struct report *report, bool main, const char *format, ...)
     report->nfinding++;
 }
 
-/* Writes a finding as a row: in the summary with a link to its section, else with its remark. */
+/* Writes a finding as a table row. In the summary the row has a link to the section, elsewhere the
+ * remark. */
 static void put_finding(const struct report *report, const struct report_finding *finding,
                         bool summary, FILE *out)
 {
@@ -277,7 +278,7 @@ static void put_finding(const struct report *report, const struct report_finding
 
     fputs("<tr>", out);
     if (summary) {
-        /* The title up to its colon, as "Fig. 3" */
+        /* The title up to its colon, for example "Fig. 3" */
         fprintf(out, "<td><a href=\"#%s\">", report->section[finding->section].id);
         snprintf(start, sizeof start, "%.*s", (int)strcspn(title, ":"), title);
         markup_put(out, start);
@@ -303,7 +304,7 @@ void report_compared(struct report *report)
     fputs("</tbody></table></div>\n", report->body);
 }
 
-/* Draws a panel into the page, and as a file of its own. */
+/* Writes a panel into the page, and to a separate file. */
 static void write_panel(struct report *report, const struct svg_plot *panel, const char *id,
                         size_t number)
 {
@@ -325,7 +326,7 @@ static void write_panel(struct report *report, const struct svg_plot *panel, con
     }
 }
 
-/* Writes the points of all panels into one CSV file. */
+/* Writes the points of all panels to one CSV file. */
 static void write_points(struct report *report, const char *id, const struct svg_plot *panel,
                          size_t npanel)
 {
@@ -368,7 +369,7 @@ void report_figure(struct report *report, const char *id, const char *caption,
 
 /* ---- the whole ---- */
 
-/* Writes all findings into compared.csv, if there are any. */
+/* Writes all findings to compared.csv, if there are any. */
 static void write_findings(struct report *report)
 {
     FILE *out = report->nfinding ? open_file(report, "compared.csv") : NULL;
@@ -414,7 +415,7 @@ enum error_code report_close(struct report *report, struct error *error)
     write_findings(report);
     out = open_file(report, "index.html");
     if (out) {
-        /* Writes the page: head, links to the sections, summary, then the sections */
+        /* Write the page: head, links to the sections, summary, then the sections */
         fputs("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
               "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>",
               out);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads signals of a recording. */
+/* Reads signals from a recording. */
 #include "app/report/signals.h"
 
 #include "base/csv.h"
@@ -11,17 +11,17 @@
 #include <string.h>
 
 enum {
-    /* Values that are kept: an hour of five signals at 1 kHz is 18 million. */
+    /* largest number of values: an hour of five signals at 1 kHz is 18 million */
     POINTS_MAX = 20000000,
 };
 
-/* A CSV file and its columns that are read, the file's first one first. */
+/* A CSV file and the columns to read; the file's first column is first. */
 struct table {
     struct csv *csv;
     size_t chosen[SIGNALS_MAX + 1];
 };
 
-/* Opens a CSV file; refuses one without at least two titles. */
+/* Opens a CSV file. Refuses a file with fewer than two titles. */
 static enum error_code signals_open_table(const char *path, struct csv **csv, struct error *error)
 {
     enum error_code code = csv_open(path, csv, error);
@@ -34,7 +34,7 @@ static enum error_code signals_open_table(const char *path, struct csv **csv, st
                      "%s:1: found no titles, expected those of signals.csv: time_s,...", path);
 }
 
-/* Finds the columns of the signals; suggests the nearest title for one that is not there. */
+/* Finds the columns of the signals. Suggests the nearest title for a missing one. */
 static enum error_code select_signals(struct table *table, const char *const *name, size_t count,
                                       struct signals *signals, struct error *error)
 {
@@ -59,7 +59,7 @@ static enum error_code select_signals(struct table *table, const char *const *na
     return ERROR_NONE;
 }
 
-/* Doubles the room for rows; refuses more values than are kept. */
+/* Doubles the number of allocated rows. Refuses more than POINTS_MAX values. */
 static enum error_code signals_grow(struct signals *signals, struct error *error)
 {
     size_t capacity = signals->capacity ? 2 * signals->capacity : 4096;
@@ -82,7 +82,8 @@ static enum error_code signals_grow(struct signals *signals, struct error *error
     return ERROR_NONE;
 }
 
-/* Adds the chosen cells of the current row; skips rows whose first number is outside [from, to]. */
+/* Stores the chosen cells of the current row. Skips a row whose first number is outside [from,
+ * to]. */
 static enum error_code signals_take_row(const struct table *table, struct signals *signals,
                                         double from, double to, struct error *error)
 {
@@ -159,7 +160,7 @@ enum error_code signals_titles(const char *path, const char ***title, size_t *co
         return code;
     }
 
-    /* The titles live behind the pointers, in one allocation */
+    /* One allocation: the pointers, then the texts of the titles */
     for (size_t i = 1; i < csv->ncolumn; i++) {
         bytes += strlen(csv->title[i]) + 1;
     }

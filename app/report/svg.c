@@ -11,33 +11,33 @@
 enum {
     WIDTH = 720,
     HEIGHT = 450,
-    TOP = 36, /* height above the drawing area, px, without the legend */
+    TOP = 36, /* space above the drawing area without the legend, px */
     BOTTOM = 56,
     LEFT = 92,
     RIGHT = 24,
-    TICKS = 6,      /* ticks wanted between the ends of an axis */
-    TICKS_MAX = 40, /* bound of an axis's ticks; the steps below give at most 13 */
+    TICKS = 6,      /* desired number of ticks on an axis */
+    TICKS_MAX = 40, /* largest number of ticks; the steps below give at most 13 */
     LEGEND_LINE = 18,
-    LEGEND_KEY = 50, /* an entry's line and the space around it, px */
-    CHARACTER = 7,   /* about the width of a character, px, at font size 12 */
-    DENSE = 8,       /* points per pixel from which on a line is thinned out */
+    LEGEND_KEY = 50, /* width of the line of a legend entry, with the space around it, px */
+    CHARACTER = 7,   /* approximate width of a character at font size 12, px */
+    DENSE = 8,       /* number of points per pixel at which a line is reduced */
 };
 
-/* Colors of Okabe and Ito, which color-blind readers can tell apart. */
+/* Okabe-Ito colors, which color-blind readers can distinguish. */
 static const char *const colors[SVG_SERIES_MAX] = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
                                                    "#e69f00", "#56b4e9", "#000000", "#999999"};
 
-/* An axis with its range, and the places of its ends on the page. */
+/* The scale of an axis: its range, and the positions of both ends on the page. */
 struct scale {
     const struct svg_axis *axis;
-    double min, max; /* of the values, or of their decimal logarithms */
+    double min, max; /* in values, or in decimal logarithms */
     double from, to; /* px */
 };
 
 /* The panel being drawn. */
 struct page {
     const struct svg_plot *plot;
-    const char *area; /* name of the drawing area, which no other plot of the document has */
+    const char *area; /* name of the drawing area, unique in the document */
     struct scale x, y;
     FILE *out;
 };
@@ -54,7 +54,7 @@ struct svg_plot svg_panel(const char *title, const char *x, const char *y,
     return (struct svg_plot){title, {.label = x}, {.label = y}, series, nseries, 560, 360, NULL};
 }
 
-/* Computes where a value is on the page, px. */
+/* Converts a value to a position on the page, px. */
 static double on_scale(const struct scale *scale, double value)
 {
     double number = scale->axis->logarithmic ? log10(value) : value;
@@ -63,7 +63,8 @@ static double on_scale(const struct scale *scale, double value)
            (number - scale->min) / (scale->max - scale->min) * (scale->to - scale->from);
 }
 
-/* Checks whether a value has a place on an axis: finite, and positive on a logarithmic one. */
+/* Checks whether an axis can show a value: it must be finite, and positive on a logarithmic
+ * axis. */
 static bool value_is_drawable(const struct svg_axis *axis, double value)
 {
     return isfinite(value) && (!axis->logarithmic || value > 0.0);
@@ -76,7 +77,7 @@ static bool point_is_drawable(const struct svg_plot *plot, const struct svg_seri
     return value_is_drawable(&plot->x, series->x[i]) && value_is_drawable(&plot->y, series->y[i]);
 }
 
-/* Returns the step of 1, 2 or 5 times a power of ten that gives about TICKS ticks. */
+/* Returns the tick step for about TICKS ticks: 1, 2 or 5 times a power of ten. */
 static double round_step(double range)
 {
     double raw = range / TICKS, power = pow(10.0, floor(log10(raw))), digit = raw / power;
@@ -84,7 +85,7 @@ static double round_step(double range)
     return power * (digit < 1.5 ? 1.0 : digit < 3.5 ? 2.0 : digit < 7.5 ? 5.0 : 10.0);
 }
 
-/* Returns the distance of ticks: round numbers, or whole decades. */
+/* Returns the distance of ticks: a round number, or whole decades. */
 static double tick_step(const struct scale *scale)
 {
     double range = scale->max - scale->min;
@@ -95,8 +96,8 @@ static double tick_step(const struct scale *scale)
     return round_step(range);
 }
 
-/* Finds the range of an axis: the fixed one, or that of the values that can be drawn, with a
- * margin. False when there are none. */
+/* Finds the range of an axis: the fixed range, else the range of all values that can be drawn, with
+ * a margin. Returns false if there are no such values. */
 static bool find_range(const struct svg_plot *plot, bool vertical, struct scale *scale)
 {
     const struct svg_axis *axis = vertical ? &plot->y : &plot->x;
@@ -120,7 +121,7 @@ static bool find_range(const struct svg_plot *plot, bool vertical, struct scale 
         return false;
     }
 
-    /* Take the fixed range, whole decades, or a margin of 4 %; some width even for one value */
+    /* Use the fixed range, whole decades, or a margin of 4 %; a single value also gets a range */
     if (axis->fixed) {
         low = axis->logarithmic ? log10(axis->min) : axis->min;
         high = axis->logarithmic ? log10(axis->max) : axis->max;
@@ -138,13 +139,13 @@ static bool find_range(const struct svg_plot *plot, bool vertical, struct scale 
     return true;
 }
 
-/* Returns the digits behind the point that tell two ticks apart. */
+/* Returns the number of decimals that neighboring tick labels need. */
 static int tick_digits(double step)
 {
     return (int)fmax(0.0, fmin(17.0, -floor(log10(step) + 1e-9)));
 }
 
-/* Writes the number at a tick; on a logarithmic axis, number is the exponent of ten. */
+/* Writes the label of a tick. On a logarithmic axis, number is the exponent of ten. */
 static void put_tick_label(FILE *out, const struct scale *scale, double number, double step)
 {
     double largest = fmax(fabs(scale->min), fabs(scale->max));
@@ -162,7 +163,7 @@ static void put_tick_label(FILE *out, const struct scale *scale, double number, 
     }
 }
 
-/* Draws a tick as a grid line with its number. */
+/* Draws a tick: a grid line and its label. */
 static void put_tick(const struct page *page, const struct scale *scale, bool vertical,
                      double number, double step)
 {
@@ -195,7 +196,7 @@ static void put_ticks(const struct page *page, const struct scale *scale, bool v
         if (number > scale->max + 1e-9 * step) {
             break;
         }
-        /* Never -0 */
+        /* Convert -0 to 0 */
         put_tick(page, scale, vertical, number == 0.0 ? 0.0 : number, step);
     }
 }
@@ -224,7 +225,7 @@ static void put_axes(const struct page *page)
     fputs("</text>\n", page->out);
 }
 
-/* Begins the path of series s, up to its data. */
+/* Starts the path of series s, before its data. */
 static void open_line(const struct page *page, size_t s)
 {
     fputs("<path class=\"line", page->out);
@@ -245,7 +246,7 @@ static void put_dot(const struct page *page, size_t s, double x, double y)
     fputs("/>", page->out);
 }
 
-/* Draws to a point, or moves there to begin a line. */
+/* Adds a point to the path: a line to the point if drawing, else a move to it. */
 static void put_line_point(const struct page *page, const struct svg_series *series, size_t i,
                            bool drawing)
 {
@@ -253,8 +254,8 @@ static void put_line_point(const struct page *page, const struct svg_series *ser
             on_scale(&page->y, series->y[i]));
 }
 
-/* Returns the end of a run of points in one column of pixels that begins at i; low and high are its
- * least and greatest points. */
+/* Returns the end of the run of points, from i on, in one pixel column. *low and *high receive the
+ * lowest and the highest point. */
 static size_t find_column_end(const struct page *page, const struct svg_series *series, size_t i,
                               size_t *low, size_t *high)
 {
@@ -270,8 +271,8 @@ static size_t find_column_end(const struct page *page, const struct svg_series *
     return i;
 }
 
-/* Draws a series with more points than can be told apart: of each column of pixels only the first,
- * the least, the greatest and the last point. */
+/* Draws a series that has many points per pixel. It draws only the first, lowest, highest and last
+ * point of each pixel column. */
 static void put_dense_line(const struct page *page, const struct svg_series *series)
 {
     bool drawing = false;
@@ -288,7 +289,7 @@ static void put_dense_line(const struct page *page, const struct svg_series *ser
         put_line_point(page, series, i, drawing);
         drawing = true;
 
-        /* The column's extremes in the order in which they come, and its last point; each once */
+        /* The lowest and the highest point in order of time, then the last point, each once */
         const size_t rest[] = {low < high ? low : high, low < high ? high : low, end - 1};
 
         for (size_t k = 0; k < 3; k++) {
@@ -301,7 +302,7 @@ static void put_dense_line(const struct page *page, const struct svg_series *ser
     }
 }
 
-/* Draws the line of a series; points that cannot be drawn break it. */
+/* Draws the line of a series. Points that cannot be drawn leave a gap. */
 static void put_line(const struct page *page, size_t s)
 {
     const struct svg_series *series = &page->plot->series[s];
@@ -336,8 +337,8 @@ static void put_markers(const struct page *page, size_t s)
     }
 }
 
-/* Finds the place of the legend's entry s: entries follow each other in rows above the drawing
- * area. Returns the number of rows up to there. */
+/* Finds the position of legend entry s. Entries fill rows above the drawing area. Returns the
+ * number of rows so far. */
 static int legend_place(const struct svg_plot *plot, size_t s, double from, double to, double *x)
 {
     int rows = 1;
@@ -357,7 +358,7 @@ static int legend_place(const struct svg_plot *plot, size_t s, double from, doub
     }
 }
 
-/* Begins a document, or the part of a page, with its paper. */
+/* Starts a document, or the part of a page, with its background. */
 static void open_svg(const struct svg_plot *plot, int width, int height, FILE *out)
 {
     if (plot->part) {
@@ -390,7 +391,7 @@ static int plot_height(const struct svg_plot *plot)
     return plot->height ? plot->height : HEIGHT;
 }
 
-/* Draws everything of a plot but the paper, within its own width and height. */
+/* Draws a plot without its background, within its own width and height. */
 static enum error_code put_plot(const struct svg_plot *plot, const char *area, FILE *out,
                                 struct error *error)
 {
@@ -408,7 +409,7 @@ static enum error_code put_plot(const struct svg_plot *plot, const char *area, F
         TOP + LEGEND_LINE * legend_place(plot, plot->nseries - 1, LEFT, width - RIGHT, &unused);
     put_axes(&page);
 
-    /* Draws all series, cut off at the drawing area */
+    /* Draw all series, clipped to the drawing area */
     fprintf(page.out,
             "<clipPath id=\"%s\"><rect x=\"%.2f\" y=\"%.2f\" width=\"%.2f\" height=\"%.2f\"/>"
             "</clipPath>\n<g clip-path=\"url(#%s)\">\n",
@@ -426,7 +427,7 @@ static enum error_code put_plot(const struct svg_plot *plot, const char *area, F
     }
     fputs("</g>\n", page.out);
 
-    /* Draws the legend: line or marker and name of each series */
+    /* Draw the legend: the line or marker and the name of each series */
     for (size_t s = 0; s < page.plot->nseries; s++) {
         const struct svg_series *series = &page.plot->series[s];
         double x, y;
@@ -460,7 +461,7 @@ enum error_code svg_write_panels(const struct svg_plot *panel, size_t npanel, FI
         }
     }
 
-    /* Panels stand one below the other, each with a clip area of its own */
+    /* Draw the panels one below the other, each with its own clip area */
     open_svg(panel, plot_width(panel), height, out);
     for (size_t i = 0; !code && i < npanel; i++) {
         char area[32];

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs cases of a plan, and writes and reads their results. */
+/* Runs the cases of a plan, and writes and reads their results. */
 #include "app/sweep/plan.h"
 
 #include "base/hash.h"
@@ -22,12 +22,11 @@
 #include <unistd.h>
 
 enum {
-    BATCH = 64, /* cases that are read and started together */
+    BATCH = 64, /* number of cases that are read and run together */
     RESULT_BYTES_MAX = 1 << 20,
 };
 
-/* Address space for what a batch reads, and for a rig, bytes; pages cost nothing until they are
- * touched. */
+/* Reserved address space for a batch and for a rig, bytes; unused pages cost nothing. */
 #define BATCH_MEMORY ((size_t)1 << 30)
 #define RIG_MEMORY ((size_t)1 << 30)
 
@@ -35,8 +34,8 @@ const char *const plan_status_word[PLAN_STATUSES] = {"passed", "failed", "broken
 
 /* ---- which program ---- */
 
-/* Writes the build id that the linker gave this program, as hexadecimal digits; the first object
- * that dl_iterate_phdr visits is the program itself. */
+/* Writes this program's build id from the linker as hexadecimal digits. A callback of
+ * dl_iterate_phdr, whose first object is the program. */
 static int binary_take_id(struct dl_phdr_info *info, size_t size, void *context)
 {
     char *id = context;
@@ -62,7 +61,7 @@ static int binary_take_id(struct dl_phdr_info *info, size_t size, void *context)
     return 1;
 }
 
-/* Finds the build id of this program; "none" when the linker gave it none. */
+/* Finds the build id of this program; "none" if the linker did not add one. */
 static void plan_find_binary(char id[64])
 {
     snprintf(id, 64, "none");
@@ -93,7 +92,7 @@ static void plan_result_path(const struct plan *plan, size_t number, char path[P
     snprintf(path, PATH_MAX, "%.4000s.results/%zu.json", plan->path, number);
 }
 
-/* Loads a file of JSON; NULL when it cannot be read or is none. */
+/* Loads a JSON file. Returns NULL if the file cannot be read or is not JSON. */
 static json_t *result_load(const char *path)
 {
     char *text;
@@ -115,7 +114,7 @@ enum error_code plan_read_result(const char *path, struct arena *arena, struct p
     bool newer = json_integer_value(version) > PLAN_FORMAT_VERSION;
     const char *plan, *hash, *binary, *status, *state, *message;
     json_int_t number;
-    /* All keys must be there; then the format and what bounds and words allow */
+    /* Check that all keys exist, then the format version and the values */
     bool good =
         file && !json_unpack(file, "{s:I, s:s, s:s, s:s, s:s, s:s, s:F, s:o, s:F, s:s}", "case",
                              &number, "plan", &plan, "hash", &hash, "binary", &binary, "status",
@@ -151,7 +150,7 @@ enum error_code plan_read_result(const char *path, struct arena *arena, struct p
                              path);
 }
 
-/* Writes the result of a case, complete or not at all. */
+/* Writes the result of a case. The file is complete or missing. */
 static enum error_code plan_write_result(const struct plan *plan, const struct plan_result *result,
                                          struct error *error)
 {
@@ -168,7 +167,7 @@ static enum error_code plan_write_result(const struct plan *plan, const struct p
                      result->virtual_s, "margin", margin, "failed_s", result->failed_s, "message",
                      result->message);
 
-    /* The file appears complete or not at all: an engine repeats a case without one */
+    /* Write the complete file in one step, because a sweep repeats a case without a file */
     plan_result_path(plan, result->number, path);
     code = text ? whole_file_open(&file, path, error)
                 : error_set(error, ERROR_MEMORY, "no memory left for a result");
@@ -185,7 +184,7 @@ static enum error_code plan_write_result(const struct plan *plan, const struct p
 
 /* ---- the run ---- */
 
-/* Reads the scenario of a case with its values. */
+/* Reads the scenario of a case, and inserts the case's values. */
 static enum error_code plan_read_scenario(const struct plan_case *one, struct arena *arena,
                                           struct scenario **scenario, struct error *error)
 {
@@ -201,8 +200,8 @@ static enum error_code plan_read_scenario(const struct plan_case *one, struct ar
     return code;
 }
 
-/* Turns the outcome of a job into the result of a case; an error when the run did not come to an
- * end, or is not the one that the plan describes. */
+/* Converts the outcome of a job to the result of a case. Returns an error if the run did not
+ * finish, or differs from the plan. */
 static enum error_code plan_judge(const struct plan *plan, const struct plan_case *one,
                                   const struct scenario_job *job, struct plan_result *result,
                                   struct arena *arena, struct error *error)
@@ -215,7 +214,7 @@ static enum error_code plan_judge(const struct plan *plan, const struct plan_cas
         return error_set(error, ERROR_MEMORY, "no memory left for a result");
     }
 
-    /* Without a rig's hash the run has not begun, or its process did not come to an end */
+    /* Without the rig's hash, the run did not start or its process died */
     if (!outcome->rig_hash) {
         return error_set(error, ERROR_SYSTEM, "case %zu has no result: %.400s", one->number,
                          outcome->text);
@@ -238,7 +237,7 @@ static enum error_code plan_judge(const struct plan *plan, const struct plan_cas
     memcpy(result->hash, one->hash, sizeof result->hash);
     plan_find_binary(result->binary);
 
-    /* The least margin of a signal, and the time of the first expectation that was not met */
+    /* Find the least margin, and the time of the first expectation that was not met */
     for (size_t i = 0; i < outcome->nverdict; i++) {
         const struct scenario_verdict *met = &outcome->verdict[i];
         double time_s = (double)(met->time_ns < 0 ? outcome->virtual_ns : met->time_ns) * 1e-9;
@@ -254,7 +253,7 @@ static enum error_code plan_judge(const struct plan *plan, const struct plan_cas
     return ERROR_NONE;
 }
 
-/* Removes an entry of a folder; called by nftw from the bottom up. */
+/* Removes an entry of a folder; a callback of nftw, which visits a folder after its entries. */
 static int plan_remove_entry(const char *path, const struct stat *status, int type,
                              struct FTW *place)
 {
@@ -264,7 +263,7 @@ static int plan_remove_entry(const char *path, const struct stat *status, int ty
     return remove(path);
 }
 
-/* Checks that a result which is there already is of this plan, case and program. */
+/* Checks that an existing result belongs to this plan, case and program. */
 static enum error_code plan_check_result(const struct plan *plan, const struct plan_case *one,
                                          const struct plan_result *result, const char *path,
                                          struct error *error)
@@ -289,16 +288,16 @@ static enum error_code plan_check_result(const struct plan *plan, const struct p
 
 /* ---- several cases ---- */
 
-/* A case of a batch: it has a result, gets one by a job, or has a reason why there is none. */
+/* A case of a batch. It has a result, or a job, or an error. */
 struct plan_slot {
     const struct plan_case *one;
     struct scenario_job *job; /* NULL = nothing to run */
-    bool there;               /* a result was written before */
+    bool there;               /* the result exists already */
     struct plan_result result;
-    struct error why; /* code 0 = nothing is wrong */
+    struct error why; /* code ERROR_NONE = no error */
 };
 
-/* Cases that are run together. */
+/* The cases that run together. */
 struct plan_batch {
     const struct plan *plan;
     const struct plan_run_options *options;
@@ -306,10 +305,10 @@ struct plan_batch {
     size_t nslot, told, njob;
     struct plan_slot *slot;
     struct scenario_job *job;
-    struct plan_slot **slot_of; /* by job: the case that it runs */
+    struct plan_slot **slot_of; /* by job: its case */
 };
 
-/* Reports all cases before the one at `until`, each once and in order. */
+/* Reports all cases before `until` that are not yet reported, in order. */
 static void plan_tell(struct plan_batch *batch, size_t until)
 {
     for (; batch->told < until; batch->told++) {
@@ -320,7 +319,8 @@ static void plan_tell(struct plan_batch *batch, size_t until)
     }
 }
 
-/* Makes a folder for the program under test, if the plan has one, in the folder of results. */
+/* Makes a scratch folder for the program under test in the folder of results. Does nothing if the
+ * plan has no program. */
 static enum error_code plan_make_scratch(const struct plan *plan, struct plan_slot *slot,
                                          struct arena *arena, struct error *error)
 {
@@ -342,7 +342,7 @@ static enum error_code plan_make_scratch(const struct plan *plan, struct plan_sl
     return ERROR_NONE;
 }
 
-/* Removes that folder with all that the program has left in it. */
+/* Removes the scratch folder with its contents. */
 static void plan_remove_scratch(struct scenario_job *job)
 {
     if (job->scratch) {
@@ -351,8 +351,8 @@ static void plan_remove_scratch(struct scenario_job *job)
     }
 }
 
-/* Looks for the result of a case, and otherwise prepares its run; with a folder to record into,
- * prepares it in any case. */
+/* Looks for the result of a case. Prepares a run if there is no result, or if a folder for
+ * recordings is given. */
 static enum error_code plan_prepare_case(struct plan_batch *batch, struct plan_slot *slot,
                                          struct error *error)
 {
@@ -362,7 +362,7 @@ static enum error_code plan_prepare_case(struct plan_batch *batch, struct plan_s
     char path[PATH_MAX];
     enum error_code code;
 
-    /* A case that has a result is done */
+    /* A case with a result is complete */
     plan_result_path(plan, slot->one->number, path);
     slot->there = !access(path, F_OK);
     if (slot->there && ((code = plan_read_result(path, batch->arena, &slot->result, error)) ||
@@ -388,8 +388,7 @@ static enum error_code plan_prepare_case(struct plan_batch *batch, struct plan_s
     return ERROR_NONE;
 }
 
-/* Takes the result of a job that has ended: writes it, or compares it with the one that is
- * there. */
+/* Stores the result of a finished job: writes it, or compares it with the existing one. */
 static enum error_code plan_take_result(const struct plan_batch *batch, struct plan_slot *slot,
                                         struct error *error)
 {
@@ -413,7 +412,7 @@ static enum error_code plan_take_result(const struct plan_batch *batch, struct p
     return slot->there ? ERROR_NONE : plan_write_result(batch->plan, &result, error);
 }
 
-/* Takes the result of a job, and reports all cases that are complete up to its own. */
+/* Stores the result of a job. Then reports all cases up to the first incomplete one. */
 static void plan_end_job(void *context, const struct scenario_job *job)
 {
     struct plan_batch *batch = context;
@@ -424,8 +423,8 @@ static void plan_end_job(void *context, const struct scenario_job *job)
     plan_tell(batch, (size_t)(slot - batch->slot) + 1);
 }
 
-/* Loads the rig of the first case once, so that the processes of all find its files, its meshes and
- * their solids in the stores; errors of that rig are for the case to report. */
+/* Loads the rig of the first case once. The forked processes then find its files, meshes and solids
+ * in the stores. Ignores errors, because the case reports them. */
 static void plan_fill_stores(const struct plan_batch *batch)
 {
     const struct rig *rig;
@@ -461,7 +460,7 @@ static enum error_code plan_run_batch(struct plan_batch *batch, const struct pla
     plan_fill_stores(batch);
     code = scenario_jobs_run(batch->job, batch->njob, &options, error);
 
-    /* After an error some scratch folders are left */
+    /* Remove the scratch folders that an error has left */
     for (size_t j = 0; j < batch->njob; j++) {
         plan_remove_scratch(&batch->job[j]);
     }
@@ -478,7 +477,7 @@ enum error_code plan_run_cases(const struct plan *plan, const struct plan_run_op
     char path[PATH_MAX];
     enum error_code code = solid_store_open(error);
 
-    /* The folder of results is not given but named after the plan: it is no link */
+    /* The path cannot be a symbolic link, because it is made from the plan's name */
     plan_results_folder(plan, path);
     slash = strrchr(path, '/');
     folder_enclose(path, slash ? (size_t)(slash - path) + 1 : 0);

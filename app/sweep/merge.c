@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Collects the results of a plan's cases, and writes them as JUnit XML, CSV and a page. */
+/* Collects the results of a plan's cases, and writes them as JUnit XML, CSV and HTML. */
 #include "app/sweep/plan.h"
 
 #include "base/whole_file.h"
@@ -12,13 +12,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Address space of a whole plan with its results, bytes. */
+/* Reserved address space for a plan with its results, bytes. */
 #define MEMORY ((size_t)4 << 30)
 
 /* ---- collecting ---- */
 
-/* Checks that a result is of this plan, of one of its cases as planned and not yet seen, and of the
- * program of the first one. */
+/* Checks that a result belongs to this plan, to a case that has no result yet, and to the same
+ * program as the first result. */
 static enum error_code merge_check(const struct plan *plan, const struct plan_result *all,
                                    const struct plan_result *one, const char *path,
                                    const struct plan_result **first, struct error *error)
@@ -72,8 +72,8 @@ static int merge_is_result(const struct dirent *entry)
     return dot && !strcmp(dot, ".json");
 }
 
-/* Reads the results of all cases, in the order of the cases. ERROR_INPUT when one is missing or
- * there twice, or is of another plan or program. */
+/* Reads the results of all cases, in the order of the cases. ERROR_INPUT if a result is missing,
+ * occurs twice, or belongs to another plan or program. */
 static enum error_code plan_collect(const struct plan *plan, struct arena *arena,
                                     struct plan_result **results, struct error *error)
 {
@@ -88,7 +88,7 @@ static enum error_code plan_collect(const struct plan *plan, struct arena *arena
         return error_set(error, ERROR_MEMORY, "no memory left for %zu results", plan->ncase);
     }
 
-    /* Read the files in one order, so that messages are the same everywhere */
+    /* Read the files in a fixed order, so that messages are the same on every machine */
     plan_results_folder(plan, folder);
     count = scandir(folder, &entry, merge_is_result, alphasort);
     if (count < 0) {
@@ -163,7 +163,7 @@ static enum error_code merge_write_csv(const struct plan *plan, const struct pla
         return code;
     }
 
-    /* The columns are those of all scenarios; a case leaves those of others empty */
+    /* Columns are the parameters of all scenarios; a case leaves other scenarios' cells empty */
     fputs("case,scenario", file.out);
     for (size_t k = 0; k < nname; k++) {
         fprintf(file.out, ",%s", name[k]);
@@ -191,8 +191,7 @@ static enum error_code merge_write_csv(const struct plan *plan, const struct pla
     return whole_file_close(&file, code, error);
 }
 
-/* Writes the results as JUnit XML. Times are virtual, so that they are the same on every
- * machine. */
+/* Writes the results as JUnit XML. Times are virtual, so they are the same on every machine. */
 static enum error_code merge_write_junit(const struct plan *plan, const struct plan_result *result,
                                          struct arena *arena, const char *path, struct error *error)
 {
@@ -248,7 +247,7 @@ enum error_code plan_merge(const char *path, size_t *ncase, size_t *failed, stru
     }
     *ncase = plan.ncase;
 
-    /* Three views of the same results */
+    /* Write the same results in three formats */
     snprintf(to, sizeof to, "%.4000s.xml", path);
     code = merge_write_junit(&plan, result, &arena, to, error);
     snprintf(to, sizeof to, "%.4000s.csv", path);
@@ -262,7 +261,7 @@ done:
 
 void plan_wilson_interval(size_t passed, size_t count, double *low, double *high)
 {
-    /* z: the quantile of the normal distribution that leaves 2.5 % on either side */
+    /* z: 97.5 % quantile of the normal distribution */
     const double z = 1.959963984540054, n = (double)count;
     const double p = count ? (double)passed / n : 0.0;
     const double middle = count ? (p + z * z / (2 * n)) / (1 + z * z / n) : 0.5;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes the page about a plan's results: one HTML file, which needs no other. */
+/* Writes the results of a plan as one self-contained HTML page. */
 #include "app/sweep/plan.h"
 
 #include "base/markup.h"
@@ -11,23 +11,24 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Ranges of a parameter; worst cases that are listed; words of a parameter; side of the map, px. */
+/* Ranges per parameter; listed worst cases; words per parameter; width and height of the map,
+ * px. */
 enum { BINS = 5, BIN_TEXT = 2 * SCENARIO_VALUE_MAX, WORST = 10, WORDS_MAX = 32, MAP_SIDE = 480 };
 
-/* A range of a parameter, or one of its words, with its cases. */
+/* A range of a parameter's values, or one of its words, with the number of its cases. */
 struct page_bin {
     char label[BIN_TEXT];
     size_t passed, count;
 };
 
-/* What the cases say about a parameter. */
+/* Statistics of a parameter over all cases. */
 struct page_parameter {
     const char *name;
-    bool number; /* all its values are numbers, and they differ; then low to high */
+    bool number; /* all values are numbers and they differ; low and high are their range */
     double low, high;
     size_t nbin;
     struct page_bin bin[WORDS_MAX];
-    double spread; /* difference between the highest and the lowest share of a bin */
+    double spread; /* highest minus lowest share of a bin */
 };
 
 /* The page being written. */
@@ -41,7 +42,7 @@ struct page {
 
 /* ---- sensitivity ---- */
 
-/* Finds out whether all values of a parameter are numbers, and their range. */
+/* Checks whether all values of a parameter are numbers, and finds their range. */
 static void page_find_range(const struct page *page, struct page_parameter *parameter)
 {
     parameter->number = true;
@@ -60,8 +61,8 @@ static void page_find_range(const struct page *page, struct page_parameter *para
     parameter->number = parameter->high > parameter->low;
 }
 
-/* Returns the bin of a value: one of equal ranges, or that of its own word, added when it is new;
- * NULL when there is no room. */
+/* Returns the bin of a value: a range for a number, else the bin of its word, which is added if it
+ * is new. Returns NULL if there is no room. */
 static struct page_bin *page_find_bin(struct page_parameter *parameter, const char *text)
 {
     double width = (parameter->high - parameter->low) / BINS, value = 0.0;
@@ -82,7 +83,7 @@ static struct page_bin *page_find_bin(struct page_parameter *parameter, const ch
     return k < WORDS_MAX ? &parameter->bin[k] : NULL;
 }
 
-/* Counts the cases of each bin and those that passed, and the spread of their shares. */
+/* Counts the cases and the passed cases of each bin, and computes the spread of their shares. */
 static void page_count_bins(const struct page *page, struct page_parameter *parameter)
 {
     double least = 1.0, greatest = 0.0;
@@ -95,7 +96,7 @@ static void page_count_bins(const struct page *page, struct page_parameter *para
         parameter->nbin = BINS;
     }
 
-    /* Each case counts in the bin of its value */
+    /* Count each case in the bin of its value */
     for (size_t i = 0; i < page->plan->ncase; i++) {
         struct page_bin *bin =
             page_find_bin(parameter, plan_value(&page->plan->list[i], parameter->name));
@@ -106,7 +107,7 @@ static void page_count_bins(const struct page *page, struct page_parameter *para
         }
     }
 
-    /* The spread of the shares says how much the parameter matters */
+    /* The spread of the shares measures the influence of the parameter */
     for (size_t k = 0; k < parameter->nbin; k++) {
         double share = (double)parameter->bin[k].passed / (double)parameter->bin[k].count;
 
@@ -118,7 +119,7 @@ static void page_count_bins(const struct page *page, struct page_parameter *para
     parameter->spread = fmax(0.0, greatest - least);
 }
 
-/* Writes a row: the share that passed, its 95 % interval, and both as a bar. */
+/* Writes a row: the share of passed cases, its 95 % interval, and a bar with both. */
 static void page_put_share(const struct page *page, const char *label, size_t passed, size_t count)
 {
     double low, high;
@@ -139,7 +140,8 @@ static void page_put_share(const struct page *page, const char *label, size_t pa
 
 /* ---- the map ---- */
 
-/* Chooses the two numeric parameters whose bins differ most; false when there are not two. */
+/* Chooses the two numeric parameters with the largest spread. Returns false if there are fewer than
+ * two. */
 static bool page_choose_axes(const struct page *page, size_t axis[2])
 {
     size_t found = 0;
@@ -161,7 +163,7 @@ static bool page_choose_axes(const struct page *page, size_t axis[2])
     return found >= 2;
 }
 
-/* Computes where a case is along an axis of the map, px. */
+/* Computes the position of a case on an axis of the map, px. */
 static double page_place(const struct page_parameter *parameter, const struct plan_case *one)
 {
     double value = parameter->low;
@@ -170,7 +172,8 @@ static double page_place(const struct page_parameter *parameter, const struct pl
     return MAP_SIDE * (value - parameter->low) / (parameter->high - parameter->low);
 }
 
-/* Draws the map: each case by the two parameters that matter most, in the color of its verdict. */
+/* Draws the map: one point per case, at its values of the two most influential parameters, in the
+ * color of its verdict. */
 static void page_put_map(const struct page *page)
 {
     static const char *const color[] = {"#2a7", "#c22", "#000"};
@@ -202,8 +205,8 @@ static void page_put_map(const struct page *page)
 
 /* ---- worst cases ---- */
 
-/* Orders results by how bad they are: broken, failed, passed; an earlier failure and a smaller
- * margin are worse. */
+/* Orders results from worst to best: broken, failed, passed. An earlier failure is worse, and so is
+ * a smaller margin. */
 static int page_compare_results(const void *left, const void *right)
 {
     const struct plan_result *a = *(const struct plan_result *const *)left;
@@ -221,7 +224,7 @@ static int page_compare_results(const void *left, const void *right)
     return by < 0.0 ? -1 : by > 0.0 ? 1 : a->number < b->number ? -1 : 1;
 }
 
-/* Writes the table of the worst cases, with the commands that repeat them. */
+/* Writes the table of the worst cases, with the commands to repeat them. */
 static enum error_code page_put_worst(const struct page *page, struct error *error)
 {
     size_t count = page->plan->ncase;
@@ -243,7 +246,7 @@ static enum error_code page_put_worst(const struct page *page, struct error *err
           "<th>command</th></tr>\n",
           page->out);
 
-    /* One row for each: times and margins only where a case has them */
+    /* One row per case; times and margins may be missing */
     for (size_t i = 0; i < count && i < WORST; i++) {
         const struct plan_case *one = &page->plan->list[sorted[i]->number - 1];
 
@@ -289,7 +292,7 @@ enum error_code plan_page_write(const struct plan *plan, const struct plan_resul
         return code;
     }
 
-    /* Count what the cases say of each parameter */
+    /* Compute the statistics of each parameter */
     *page = (struct page){.out = file.out, .plan = plan, .result = result};
     page->count = plan_names(plan, name);
     for (size_t i = 0; i < page->count; i++) {
@@ -301,7 +304,7 @@ enum error_code plan_page_write(const struct plan *plan, const struct plan_resul
         passed += result[i].status == SCENARIO_PASSED;
     }
 
-    /* Write from the whole to the single case */
+    /* Write the summary first, then details */
     fprintf(file.out,
             "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>%s</title>"
             "<style>body{font:15px sans-serif;margin:2em;max-width:80em}table{border-collapse:"

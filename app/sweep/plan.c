@@ -17,18 +17,18 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Address space for a scenario with its rig, bytes. */
+/* Reserved address space for a scenario and its rig, bytes. */
 #define MEMORY ((size_t)1 << 30)
 
-enum { LINE_MAX_BYTES = 1 << 16 }; /* longest line of a plan */
+enum { LINE_MAX_BYTES = 1 << 16 }; /* longest accepted line of a plan */
 
-/* A plan being made. */
+/* A plan during writing. */
 struct planner {
     const struct sweep *sweep;
     FILE *lines;
-    const char *folder;               /* resolved path of the plan's folder; ends in a slash */
-    const struct yaml_name *scenario; /* the scenario whose cases are being made */
-    size_t ncase;                     /* cases so far */
+    const char *folder; /* resolved path of the plan's folder, with a slash at the end */
+    const struct yaml_name *scenario; /* the present scenario */
+    size_t ncase;                     /* number of cases so far */
     struct error *error;
 };
 
@@ -50,7 +50,7 @@ static enum error_code plan_relate_path(const char *folder, const char *file, ch
         return error_set_file(error, errno, file, "cannot be read");
     }
 
-    /* Beyond the folders that both have, up from one and down to the other */
+    /* Skip the common folders, go up with "../", then down to the file */
     for (size_t i = 0; folder[i] && folder[i] == whole[i]; i++) {
         same = folder[i] == '/' ? i + 1 : same;
     }
@@ -80,8 +80,8 @@ enum error_code plan_check_rig(struct scenario *scenario, uint64_t *hash, struct
     return code;
 }
 
-/* Returns the seed of a case that does not say its own: a hash of the sweep's seed and the case's
- * number, in 52 bits, which every reader of JSON keeps. */
+/* Returns the seed of a case without its own seed: a hash of the sweep's seed and the case's
+ * number. It has 52 bits, which every JSON reader keeps exactly. */
 static uint64_t plan_seed(const struct sweep *sweep, size_t number)
 {
     const uint64_t part[2] = {(uint64_t)sweep->seed, number};
@@ -112,7 +112,7 @@ static enum error_code plan_put_line(struct planner *planner, const struct scena
                           SWEEP_CASES_MAX);
     }
 
-    /* The hash stands for all that the case depends on; values are kept as text */
+    /* The hash covers all inputs of the case; the values are stored as text */
     plan_hash_case(scenario, rig_hash, seed, planner->sweep->program, hash);
     for (size_t i = 0; i < scenario->nvalue; i++) {
         json_object_set_new(values, scenario->value[i].name, json_string(scenario->value[i].text));
@@ -128,8 +128,8 @@ static enum error_code plan_put_line(struct planner *planner, const struct scena
     return code;
 }
 
-/* Puts before the error of a case where it comes from in the sweep: the scenario, or the value that
- * is looked at (at `mark`) with the others. */
+/* Adds the origin of a case in the sweep to its error: the scenario, or the value at `mark` with
+ * the other values. */
 static enum error_code plan_blame(const struct planner *planner, const struct yaml_mark *mark,
                                   const struct scenario_value *value)
 {
@@ -148,9 +148,9 @@ static enum error_code plan_blame(const struct planner *planner, const struct ya
                         text);
 }
 
-/* Writes the cases for a set of values: one, or those of the scenario's other parameters. The rig
- * is checked where `mark` says what it is checked for, and when there are several cases; otherwise
- * it is known. With rig_hash NULL only checks, and writes nothing. */
+/* Writes a line for each case of the scenario with these values. Checks the rig if mark is set or
+ * there are several cases; otherwise *rig_hash must be known. If rig_hash is NULL, it checks and
+ * writes nothing. */
 static enum error_code plan_cases(struct planner *planner, const char *path,
                                   const struct scenario_value *value, const struct yaml_mark *mark,
                                   uint64_t *rig_hash)
@@ -182,8 +182,8 @@ static enum error_code plan_cases(struct planner *planner, const char *path,
                                : code;
 }
 
-/* Checks the rig with both ends of each range that values are drawn from: what holds there is taken
- * to hold between. */
+/* Checks the rig with both ends of each range of drawn values. Values between are assumed to be
+ * valid too. */
 static enum error_code plan_check_ends(struct planner *planner, const char *path,
                                        struct scenario_value *value)
 {
@@ -207,7 +207,7 @@ static enum error_code plan_check_ends(struct planner *planner, const char *path
     return code;
 }
 
-/* Writes the cases of a combination, one for each of its samples. */
+/* Writes the cases of a combination, one per sample. */
 static enum error_code plan_put_combination(struct planner *planner, const char *path,
                                             size_t combination, uint64_t *rig_hash)
 {
@@ -220,7 +220,7 @@ static enum error_code plan_put_combination(struct planner *planner, const char 
         return code;
     }
 
-    /* The rig is checked with the first sample, and its hash kept for the others */
+    /* Check the rig with the first sample; use its hash for the other samples */
     for (size_t i = 0; !code && i < (size_t)sweep->samples; i++) {
         const struct yaml_mark *mark = sweep->nparameter ? &sweep->parameter[0].mark : &sweep->mark;
 
@@ -234,7 +234,7 @@ static enum error_code plan_put_combination(struct planner *planner, const char 
     return code;
 }
 
-/* Finds a scenario's file, and writes its cases in all combinations. */
+/* Finds a scenario's file, and writes its cases for all combinations. */
 static enum error_code plan_put_scenario(struct planner *planner, const struct yaml_name *scenario,
                                          struct arena *arena)
 {
@@ -275,7 +275,8 @@ static enum error_code plan_put_all(struct planner *planner, struct arena *arena
     return code;
 }
 
-/* Refuses a plan's name that has results of another plan, by the first result that can be read. */
+/* Refuses a plan if its folder of results has results of another plan. Checks the first result that
+ * can be read. */
 static enum error_code plan_check_old_results(const char *path, const char *id, struct arena *arena,
                                               struct error *error)
 {
@@ -303,7 +304,7 @@ static enum error_code plan_check_old_results(const char *path, const char *id, 
                            folder, result.plan, id);
 }
 
-/* Writes the plan's file: the head, with a hash of everything as its id, then the lines. */
+/* Writes the plan file: a head with the id, which is a hash of the plan, then one line per case. */
 static enum error_code plan_save(const struct planner *planner, const char *path, const char *lines,
                                  struct arena *arena, struct error *error)
 {
@@ -314,7 +315,7 @@ static enum error_code plan_save(const struct planner *planner, const char *path
     json_t *head;
     enum error_code code;
 
-    /* The id stands for the lines, the name and the program */
+    /* The id covers the lines, the name and the program */
     sum = hash_bytes(sum, sweep->name, strlen(sweep->name));
     sum = sweep->program ? hash_bytes(sum, sweep->program, strlen(sweep->program)) : sum;
     snprintf(id, sizeof id, "%016" PRIx64, sum);
@@ -335,7 +336,7 @@ static enum error_code plan_save(const struct planner *planner, const char *path
     return whole_file_close(&file, code, error);
 }
 
-/* Finds the folder of a file, resolved, with a slash at its end. */
+/* Finds the resolved path of a file's folder, with a slash at the end. */
 static enum error_code plan_find_folder(const char *path, char folder[PATH_MAX],
                                         struct error *error)
 {
@@ -374,7 +375,7 @@ enum error_code plan_write(const char *path_of_sweep, const char *path, size_t *
     }
     planner.folder = folder;
 
-    /* Lines are made in memory: the head before them has their number and hash */
+    /* Make the lines in memory first, because the head contains their number and hash */
     planner.lines = memory_file_open(&lines);
     if (!planner.lines) {
         code = plan_no_memory(error);
@@ -396,7 +397,7 @@ done:
 
 /* ---- reading ---- */
 
-/* Reports what a plan lacks at a line. */
+/* Sets the error for invalid content of a line. */
 static enum error_code plan_unexpected(const char *path, size_t line, const char *what,
                                        struct error *error)
 {
@@ -414,7 +415,7 @@ enum error_code plan_newer(const char *path, struct error *error)
                      path, PLAN_FORMAT_VERSION);
 }
 
-/* Reads a case from its line; false when it is not that case, or there is no memory. */
+/* Reads a case from its line. Returns false if the line is not this case, or without memory. */
 static bool plan_take_case(const char *text, size_t number, const char *folder, struct arena *arena,
                            struct plan_case *out)
 {
@@ -429,7 +430,7 @@ static bool plan_take_case(const char *text, size_t number, const char *folder, 
     good = good && given == (json_int_t)number && json_is_object(values) && seed >= 0 &&
            strlen(hash) == PLAN_HASH - 1 && json_object_size(values) <= SCENARIO_PARAMETERS_MAX;
 
-    /* Paths in a plan count from its folder */
+    /* Paths in a plan are relative to its folder */
     if (good) {
         snprintf(path, sizeof path, "%s%s", folder, file);
         *out = (struct plan_case){.number = number, .seed = (uint64_t)seed};
@@ -451,7 +452,7 @@ static bool plan_take_case(const char *text, size_t number, const char *folder, 
     return good;
 }
 
-/* Reads the head of a plan; *newer says that a newer program has written it. */
+/* Reads the head of a plan. *newer is true if a newer program wrote the plan. */
 static bool plan_take_head(const char *text, struct arena *arena, struct plan *plan, bool *newer)
 {
     json_t *line = json_loads(text, JSON_REJECT_DUPLICATES, NULL);
@@ -477,7 +478,7 @@ static bool plan_take_head(const char *text, struct arena *arena, struct plan *p
     return good;
 }
 
-/* Reads the lines of the cases; parses only those asked for. */
+/* Reads the lines of the cases. Parses only the requested cases. */
 static enum error_code plan_read_lines(FILE *in, char *line, size_t first, size_t last,
                                        struct arena *arena, struct plan *plan, struct error *error)
 {
@@ -522,7 +523,7 @@ enum error_code plan_read(const char *path, size_t first, size_t last, struct ar
         goto done;
     }
 
-    /* 0 and 0 ask for all cases */
+    /* first = last = 0 requests all cases */
     if (last > plan->ncase || first > last) {
         code = error_set(error, ERROR_INPUT, "%.200s: found case %zu, expected 1 to %zu", path,
                          last, plan->ncase);

@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Plans: the frozen list of a sweep's cases, a file of JSON, one object a line. The first line
- * says what the plan is, each other one a case:
+ * A plan is the fixed list of a sweep's cases: a file with one JSON object per line. The first line
+ * describes the plan, each further line a case:
  *
  *     {"plan": 1, "name": "squat", "cases": 500, "program": "", "id": "..."}
  *     {"case": 1, "scenario": "../squat.yaml", "name": "squat", "values": {"mass_kg": "1.5"},
  *      "seed": 123, "hash": "..."}
  *
- * A case's hash is that of its scenario with the values put in, of the rig's and robot's files and
- * meshes, of its seed and the program under test; the plan's id that of all its cases. Scenarios
- * are named relative to the folder of the plan. Results stand in the folder PLAN.results, a file
- * NUMBER.json each, complete or not there. The same sweep gives the same bytes, and so do the
- * results of a case, wherever and however often it runs. Not RT-safe.
+ * The hash of a case covers its scenario with the values, the files and meshes of rig and robot,
+ * the seed, and the program under test. The id of a plan is a hash of all its cases. Paths of
+ * scenarios are relative to the plan's folder. The folder PLAN.results has one file NUMBER.json per
+ * result, which is complete or missing. The same sweep gives the same bytes. A case gives the same
+ * result on every machine and on every run. Not RT-safe.
  */
 #ifndef APP_SWEEP_PLAN_H
 #define APP_SWEEP_PLAN_H
@@ -22,17 +22,16 @@
 #include <limits.h>
 
 enum {
-    PLAN_HASH = 17, /* bytes of a hash as text, with the end */
+    PLAN_HASH = 17, /* size of a hash as text, bytes, with the final 0 */
     PLAN_NAMES_MAX = 64,
-    /* "plan" of a plan, "format_version" of a result, where it is 1 when there is none; files of
-     * a newer one are refused */
+    /* "plan" of a plan and "format_version" of a result, which defaults to 1; files of a newer
+     * version are refused */
     PLAN_FORMAT_VERSION = 1,
 };
 
-/* A case of a plan. */
 struct plan_case {
     size_t number;           /* from 1 */
-    const char *scenario;    /* path by which the program finds it */
+    const char *scenario;    /* path for opening the file */
     const char *file, *name; /* path as in the plan; name of the scenario */
     size_t nvalue;
     struct scenario_value *value;
@@ -40,33 +39,33 @@ struct plan_case {
     char hash[PLAN_HASH];
 };
 
-/* A plan, with the cases that were read. */
+/* A plan, and the requested cases. */
 struct plan {
     const char *path, *name, *description;
     const char *program; /* command of the program under test, NULL = none */
     size_t ncase;
     char id[PLAN_HASH];
-    struct plan_case *list; /* the cases that were asked for */
+    struct plan_case *list; /* the requested cases */
     size_t nlist;
 };
 
-/* Makes the plan of a sweep's file. ncase receives the number of its cases. ERROR_INPUT carries
+/* Writes the plan of a sweep file. *ncase receives the number of cases. ERROR_INPUT has
  * file:line:column. */
 enum error_code plan_write(const char *sweep, const char *path, size_t *ncase, struct error *error);
 
-/* Loads the rig of a scenario, binds the scenario to it, and returns the rig's hash. Errors carry
+/* Loads the rig of a scenario, binds the scenario to it, and computes the rig's hash. Errors have
  * file:line:column. */
 enum error_code plan_check_rig(struct scenario *scenario, uint64_t *hash, struct error *error);
 
-/* Reports a file in a newer format. */
+/* Sets the error for a file in a newer format, and returns its code. */
 enum error_code plan_newer(const char *path, struct error *error);
 
-/* Reads a plan with the cases from first to last; 0 and 0 stand for all. Everything lives in arena.
- * ERROR_INPUT when it has no such cases. */
+/* Reads a plan, and its cases from first to last; 0 and 0 request all cases. Memory is from arena.
+ * ERROR_INPUT if the plan does not have these cases. */
 enum error_code plan_read(const char *path, size_t first, size_t last, struct arena *arena,
                           struct plan *plan, struct error *error);
 
-/* Computes the hash of a case whose scenario was read with its values. */
+/* Computes the hash of a case. Its scenario must have been read with the case's values. */
 void plan_hash_case(const struct scenario *scenario, uint64_t rig_hash, uint64_t seed,
                     const char *program, char hash[PLAN_HASH]);
 
@@ -78,56 +77,56 @@ struct plan_result {
     uint64_t state_hash;
     double virtual_s;
     bool has_margin;
-    double margin;   /* least margin of its expectations, see struct scenario_verdict */
-    double failed_s; /* virtual time at which the first expectation was not met, s; -1 = none */
+    double margin;   /* least margin of all expectations, see struct scenario_verdict */
+    double failed_s; /* virtual time of the first expectation that was not met, s; -1 = none */
     const char *message;
 };
 
-/* Words of the statuses. */
+/* The words for the statuses. */
 enum { PLAN_STATUSES = SCENARIO_BROKEN + 1 };
 extern const char *const plan_status_word[PLAN_STATUSES];
 
-/* How cases are run. */
+/* Options for running cases. */
 struct plan_run_options {
-    size_t parallel;    /* processes at a time */
-    const char *record; /* folder for recordings of failures; NULL = none */
-    /* Called for each case, in their order, as soon as it and all before it have ended. result is
-     * NULL when there is none; then why says the reason: ERROR_INPUT when the scenario or the rig
-     * is not that of the plan, ERROR_SYSTEM when the process died or took too long. */
+    size_t parallel;    /* number of parallel processes */
+    const char *record; /* folder for recordings of failed cases; NULL = none */
+    /* Called for each case in order, as soon as this case and all cases before it have ended. If
+     * there is no result, result is NULL and why has the reason. ERROR_INPUT: the scenario or rig
+     * differs from the plan. ERROR_SYSTEM: the process died or took too long. */
     void (*ended)(void *context, const struct plan_case *one, const struct plan_result *result,
                   const struct error *why);
     void *context;
 };
 
-/* Runs the cases that were read and writes their results, except for those that have one already.
- * Each runs in a process of its own, forked from this one, and gives what it gives alone. With
- * record all of them run, must give the result that is there, and leave a recording when they fail.
- * An error is one of this process: then some cases have not run. */
+/* Runs the requested cases and writes their results. Skips cases that have a result. Each case runs
+ * in its own forked process, so its result does not depend on other cases. With record, runs all
+ * cases, compares them with existing results, and records those that fail. Returns an error only if
+ * this process fails; then some cases have not run. */
 enum error_code plan_run_cases(const struct plan *plan, const struct plan_run_options *options,
                                struct error *error);
 
 /* Writes the path of the folder with the results, PLAN.results. */
 void plan_results_folder(const struct plan *plan, char path[PATH_MAX]);
 
-/* Reads the file of a result. Everything lives in arena. */
+/* Reads a result file. Memory is from arena. */
 enum error_code plan_read_result(const char *path, struct arena *arena, struct plan_result *result,
                                  struct error *error);
 
-/* Writes PLAN.xml (JUnit), PLAN.csv and PLAN.html. failed receives the number of cases that did not
- * pass. */
+/* Writes PLAN.xml (JUnit), PLAN.csv and PLAN.html. *failed receives the number of cases that did
+ * not pass. */
 enum error_code plan_merge(const char *path, size_t *ncase, size_t *failed, struct error *error);
 
-/* List the parameters' names of all cases that were read, each once, and return their number;
- * return the value of one in a case, "" when it has none. */
+/* plan_names lists the parameter names of all requested cases, each once, and returns their number.
+ * plan_value returns the value of a parameter in a case, "" if the case does not have it. */
 size_t plan_names(const struct plan *plan, const char *name[PLAN_NAMES_MAX]);
 const char *plan_value(const struct plan_case *one, const char *name);
 
-/* Writes the page, a part of plan_merge. */
+/* Writes the HTML page; plan_merge calls it. */
 enum error_code plan_page_write(const struct plan *plan, const struct plan_result *result,
                                 const char *path, struct error *error);
 
-/* Computes the bounds of a share of which passed of count were seen, with 95 % confidence (Wilson
- * 1927). */
+/* Computes the 95 % confidence interval of a share, if `passed` of `count` cases have passed
+ * (Wilson 1927). */
 void plan_wilson_interval(size_t passed, size_t count, double *low, double *high);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads sweeps and draws their samples. */
+/* Reads sweeps, and draws samples of their parameters. */
 #include "app/sweep/sweep.h"
 
 #include "base/portable_math.h"
@@ -12,8 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Standard deviations from the mean at which a normal distribution is cut off unless the file says
- * otherwise. */
+/* Default limits of a normal distribution, in standard deviations from the mean. */
 #define SWEEP_NORMAL_END 6.0
 
 /* ---- the form of a file ---- */
@@ -52,7 +51,7 @@ const struct yaml_schema sweep_file_schema = YAML_SCHEMA(
 
 /* ---- checks ---- */
 
-/* Checks the ends of a distribution, and sets the limits of a normal one. */
+/* Checks the bounds of a distribution, and sets default limits of a normal distribution. */
 static enum error_code check_distribution(struct sweep_parameter *parameter, struct error *error)
 {
     double *limits = parameter->limits;
@@ -75,7 +74,7 @@ static enum error_code check_distribution(struct sweep_parameter *parameter, str
         limits[1] = parameter->normal[0] + SWEEP_NORMAL_END * parameter->normal[1];
     }
 
-    /* Far out in a tail nothing is left to draw from */
+    /* Refuse limits far out in a tail, where the probability is 0 */
     if (!(limits[0] < limits[1]) ||
         limits[0] > parameter->normal[0] + SWEEP_NORMAL_END * parameter->normal[1] ||
         limits[1] < parameter->normal[0] - SWEEP_NORMAL_END * parameter->normal[1]) {
@@ -87,7 +86,7 @@ static enum error_code check_distribution(struct sweep_parameter *parameter, str
     return ERROR_NONE;
 }
 
-/* Checks that a parameter has a plain name and one form. */
+/* Checks that a parameter has a valid name and exactly one kind of values. */
 static enum error_code check_parameter(struct sweep_parameter *parameter, struct error *error)
 {
     int forms = (parameter->ngrid > 0) + (parameter->nword > 0) +
@@ -110,7 +109,7 @@ static enum error_code check_parameter(struct sweep_parameter *parameter, struct
     return check_distribution(parameter, error);
 }
 
-/* Checks a sweep and counts the combinations of grids and words. */
+/* Checks a sweep, and counts the combinations of grid values and words. */
 static enum error_code check_sweep(struct sweep *sweep, struct error *error)
 {
     sweep->combinations = 1;
@@ -133,7 +132,7 @@ static enum error_code check_sweep(struct sweep *sweep, struct error *error)
         }
         values = values ? values : 1;
 
-        /* The bound is checked before the product is taken */
+        /* Compare before multiplying, to avoid an overflow */
         if (values > SWEEP_CASES_MAX / (sweep->combinations * (size_t)sweep->samples)) {
             return yaml_error(error, &parameter->mark, "found more than %d cases, expected fewer",
                               SWEEP_CASES_MAX);
@@ -175,8 +174,8 @@ double sweep_normal_quantile(double p)
     return 0.5 * (low + high);
 }
 
-/* Computes the quantile of a parameter's distribution: the value below which it has the share u. Of
- * a normal one only the part between the limits counts. */
+/* Computes the quantile of a parameter's distribution: the value below which a share u of the
+ * samples lies. A normal distribution is truncated to its limits. */
 static double parameter_quantile(const struct sweep_parameter *parameter, double u)
 {
     const double *normal = parameter->normal, *limits = parameter->limits;
@@ -191,8 +190,8 @@ static double parameter_quantile(const struct sweep_parameter *parameter, double
     return fmin(fmax(value, limits[0]), limits[1]);
 }
 
-/* Draws the samples of a parameter. Each has a random stream of its own: one more parameter in the
- * file leaves the others' samples as they were. */
+/* Draws the samples of a parameter. Each parameter has its own random stream, so that a new
+ * parameter in the file does not change the samples of others. */
 static enum error_code draw_parameter(const struct sweep *sweep, struct sweep_parameter *parameter,
                                       struct arena *arena, struct error *error)
 {
@@ -205,7 +204,7 @@ static enum error_code draw_parameter(const struct sweep *sweep, struct sweep_pa
         return error_set(error, ERROR_MEMORY, "no memory left for %zu samples", count);
     }
 
-    /* Latin hypercube: one sample in each of as many equally likely strata, in random order (McKay,
+    /* Latin hypercube: one sample in each of `count` equally likely strata, in random order (McKay,
      * Beckman, Conover 1979; shuffled after Fisher and Yates) */
     for (size_t i = 0; i < count; i++) {
         size_t k = (size_t)(random_uniform(&stream) * (double)(i + 1));
@@ -242,7 +241,7 @@ enum error_code sweep_read(const char *path, struct arena *arena, struct sweep *
 enum error_code sweep_values(const struct sweep *sweep, size_t combination, size_t sample,
                              struct arena *arena, struct scenario_value *value, struct error *error)
 {
-    /* The combination is a number with the parameters' values as digits; the last one varies
+    /* The digits of the combination's number select the values; the last parameter varies
      * fastest */
     for (size_t i = sweep->nparameter; i-- > 0;) {
         const struct sweep_parameter *parameter = &sweep->parameter[i];

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Sweeps: scenarios run over many values of their parameters. A sweep is a YAML file
+ * A sweep runs scenarios with many values of their parameters. It is a YAML file:
  *
  *     name: squat_margins
  *     scenarios: [squat.yaml]
@@ -13,10 +13,10 @@
  *       delay_s: {grid: [0, 0.002, 0.004]}
  *       rig: {words: [coman, walk-slope]}
  *
- * whose cases are numbered from 1: by scenario, then every combination of grid and words, then the
- * samples of what is drawn. A parameter is one that every scenario declares (${NAME}); those that
- * the sweep does not name keep their values. The same file gives the same cases everywhere: numbers
- * are drawn by portable functions and kept as text of nine digits. Not RT-safe.
+ * Cases are numbered from 1: by scenario, then by combination of grid values and words, then by
+ * sample. Each parameter must be declared by every scenario (${NAME}). Parameters that the sweep
+ * does not name keep their values. The same file gives the same cases on every machine: values are
+ * drawn by portable functions and stored as text with nine digits. Not RT-safe.
  */
 #ifndef APP_SWEEP_SWEEP_H
 #define APP_SWEEP_SWEEP_H
@@ -28,20 +28,19 @@ enum { SWEEP_CASES_MAX = 100000 };
 
 enum sweep_sampling { SWEEP_RANDOM, SWEEP_LATIN_HYPERCUBE };
 
-/* A parameter of a sweep. */
 struct sweep_parameter {
     struct yaml_mark mark;
     const char *name;
-    double uniform[2]; /* from, to */
+    double uniform[2]; /* lower and upper bound */
     double normal[2];  /* mean, standard deviation */
-    double limits[2];  /* where a normal distribution is cut off */
+    double limits[2];  /* lower and upper limit of a normal distribution */
     size_t ngrid, nword;
     double *grid;
     struct yaml_name *word;
-    char (*drawn)[SCENARIO_VALUE_MAX]; /* derived: samples of them; NULL for a grid or words */
+    char (*drawn)[SCENARIO_VALUE_MAX]; /* derived: the samples; NULL for a grid or words */
 };
 
-/* A sweep as read, with its samples. */
+/* A sweep file, with its samples. */
 struct sweep {
     struct yaml_mark mark;
     uint64_t hash;
@@ -51,24 +50,23 @@ struct sweep {
     struct sweep_parameter *parameter;
     int64_t seed, samples;
     int sampling;
-    size_t combinations; /* derived: of the values of grids and words */
+    size_t combinations; /* derived: number of combinations of grid values and words */
 };
 
 extern const struct yaml_schema sweep_file_schema;
 
-/* Reads and checks a sweep, and draws its samples. Everything lives in arena. Errors carry
+/* Reads and checks a sweep, and draws its samples. Memory is from arena. Errors have
  * file:line:column. */
 enum error_code sweep_read(const char *path, struct arena *arena, struct sweep *sweep,
                            struct error *error);
 
-/* Writes the values of a combination and a sample, both from 0; value has room for
- * sweep->nparameter. Texts live in arena. */
+/* Writes the parameter values of a combination and a sample, both counted from 0. value has room
+ * for sweep->nparameter values. Their texts are from arena. */
 enum error_code sweep_values(const struct sweep *sweep, size_t combination, size_t sample,
                              struct arena *arena, struct scenario_value *value,
                              struct error *error);
 
-/* Computes the quantile of the standard normal distribution: the number below which it lies with
- * the probability p, 0 < p < 1. */
+/* Computes the quantile of the standard normal distribution for the probability p, 0 < p < 1. */
 double sweep_normal_quantile(double p);
 
 #endif
