@@ -24,7 +24,7 @@ enum { SHOWN = 40 }; /* number of characters of a wrong word in a message */
 struct reader {
     char *text;
     size_t size;
-    long line, column; /* of the last word, or of the line's end; counted from 1 */
+    long line, column; /* position of the last word, or of the line's end, from 1 */
 };
 
 /* Writes the name and unit of number i of a state: q, then v, then the joint torques. */

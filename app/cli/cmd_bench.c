@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil bench: runs the benchmark program, which is in the same folder as this one. */
+/* coman-hil bench: runs the benchmark program, which is in the same folder as coman-hil. */
 #include "app/cli/cli.h"
 
 #include "manual/bench.h"
@@ -44,7 +44,8 @@ int cmd_bench(int argc, char **argv)
     struct error error;
     int status;
 
-    /* Options before the subject belong to this command, those after it to the benchmark */
+    /* Options before the subject belong to this command; options after it belong to the
+     * benchmark */
     if (!options_read(&spec, argc > 2 && argv[1][0] != '-' ? 2 : argc, argv, &status)) {
         return status;
     }

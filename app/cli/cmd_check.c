@@ -78,8 +78,7 @@ static void print_free_bodies(const struct rig *rig)
     }
 }
 
-/* Prints the pairs with a slack, and the excluded pairs of the robot's surfaces with the
- * reasons. */
+/* Prints contact pairs with a slack, and excluded pairs with the reasons. */
 static void print_exceptions(const struct rig *rig)
 {
     static const char *const why[] = {"the file leaves them out", "joined by ",
@@ -304,7 +303,7 @@ static void check_print_sensors(const struct rig *rig)
     }
 }
 
-/* Prints a rig. First creates its boards, which check more than the reading of the file. */
+/* Prints a rig. Creates its boards first, because they check more than the file's reader. */
 static int check_print_rig(void *context, const struct rig *rig, struct arena *arena)
 {
     struct boards *boards;

@@ -95,8 +95,8 @@ static enum error_code ctl_udp_send(int descriptor, const json_t *answer, const 
         return error_set(error, ERROR_MEMORY, "no memory for a datagram");
     }
 
-    /* A failed send is not an error: there may be no receiver yet, or a full queue, and the next
-     * row may arrive */
+    /* Ignore a failed send: there may be no receiver yet, or a queue is full, and the next row may
+     * arrive */
     size = strlen(text);
     if (size <= DATAGRAM_MAX) {
         (void)!send(descriptor, text, size, MSG_NOSIGNAL);
@@ -134,8 +134,8 @@ static int status_of_refusal(const json_t *answer)
     return STATUS_FAILED;
 }
 
-/* Receives the answer, an object that the caller frees; returns NULL and the exit status if there
- * is none to print. */
+/* Receives the answer, an object that the caller frees. Returns NULL and sets the exit status if
+ * there is no answer to print. */
 static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *status)
 {
     struct error error;
@@ -143,7 +143,7 @@ static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *sta
     const char *text;
     char *line;
 
-    /* Reads a line, or finds the reason for the missing line */
+    /* Read a line, or find the reason why there is none */
     switch (ctl_read_line(client, &line, &error)) {
     case CTL_INTERRUPTED:
         *status = STATUS_FAILED;
@@ -297,8 +297,8 @@ static bool answer_matches_nothing(const json_t *request, const json_t *answer)
            json_array_size(json_object_get(answer, what)) == 0;
 }
 
-/* Sends the request and prints the answer. Continues if the command does: with rows, or by waiting
- * for the end. */
+/* Sends the request and prints the answer. Then receives rows or waits for the end of the
+ * connection, if the command does so. */
 static int ctl_converse(struct ctl_client *client, const struct ctl_options *o, int udp,
                         const struct ctl_command *command, const json_t *request)
 {

@@ -63,7 +63,8 @@ static enum error_code export_bus(const struct rig *rig, size_t bus, const char 
 
 /* ---- the command ---- */
 
-/* Writes the table for clients of a bus into a folder, RIG-BUS.json, if its protocol has one. */
+/* Writes the table of a bus for client programs to RIG-BUS.json in a folder, if the protocol has a
+ * table. */
 static enum error_code export_table(const struct rig *rig, size_t bus, const char *folder,
                                     struct error *error)
 {
@@ -83,7 +84,7 @@ static enum error_code export_table(const struct rig *rig, size_t bus, const cha
     return whole_file_close(&file, ERROR_NONE, error);
 }
 
-/* Writes the DBC of each bus into a folder, RIG-BUS.dbc, and its table for clients. */
+/* Writes the DBC of each bus to RIG-BUS.dbc in a folder, and its table for client programs. */
 static enum error_code export_all(const struct rig *rig, const char *folder, struct arena *arena,
                                   struct error *error)
 {

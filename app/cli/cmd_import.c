@@ -8,7 +8,7 @@
 /* Maximum number of printed notes per kind. */
 enum { NOTES_SHOWN = 12 };
 
-/* Prints the notes of a fate that change the robot from its file; the report has all. */
+/* Prints the first NOTES_SHOWN notes with this fate; the report has all notes. */
 static void import_print_notes(const struct import_notes *notes, enum import_fate fate,
                                const char *report)
 {

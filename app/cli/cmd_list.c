@@ -46,7 +46,7 @@ static enum error_code list_rig(const char *name, bool faults, list_put put, str
 
 #define LIST_ARENA_BYTES ((size_t)1 << 30) /* reserved address space */
 
-/* Kinds: the kinds of configuration files, then tasks, then kinds that are listed only on
+/* Kinds: the kinds of configuration files, then tasks, then kinds that are only listed on
  * request. */
 enum { LIST_TASKS = CONFIG_KINDS, LIST_SETTINGS, LIST_JOINTS, LIST_FAULTS, LIST_ALL };
 
@@ -71,8 +71,8 @@ static void list_print_line(const char *name, const char *text)
     options_wrap(text, NAME_COLUMN, NAME_COLUMN, stdout);
 }
 
-/* Reads the description of an entry's file; for a drive, before receives its kind, which precedes
- * the description. */
+/* Reads the description in an entry's file. For a drive, *before receives a text with its kind to
+ * print before the description. */
 static enum error_code list_read_description(enum config_kind kind, const char *path,
                                              struct arena *arena, const char **before,
                                              const char **description, struct error *error)
@@ -84,7 +84,7 @@ static enum error_code list_read_description(enum config_kind kind, const char *
 
     switch (kind) {
     case CONFIG_SCENARIO:
-        /* Valid YAML only with its parameters inserted */
+        /* A scenario is valid YAML only after its parameters are inserted */
         code = scenario_read(path, arena, &cases, &count, error);
         *description = code ? NULL : cases[0].description;
         return code;

@@ -18,7 +18,7 @@
 /* Size of a panel, px, and maximum number of panels: one per signal. */
 enum { PANEL_WIDTH = 900, PANEL_HEIGHT = 360, PANELS_MAX = SIGNALS_MAX };
 
-/* Endings of signals' titles that are units, and their axis labels; longer endings first. */
+/* Units at the end of signal titles, and their axis labels; longer endings first. */
 static const struct unit {
     const char *ending, *label;
 } units[] = {
@@ -78,7 +78,7 @@ static enum error_code plot_choose(const struct option_list *names, const char *
     for (size_t i = 0; i < names->count; i++) {
         bool matched = false;
 
-        /* The step after the last title stands for the name itself, if nothing matched */
+        /* The step after the last title adds the name itself if no title has matched */
         for (size_t k = 0; k <= ntitle; k++) {
             const char *name = k < ntitle ? title[k] : names->item[i];
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil protocol: prints the frames of a boards' protocol. */
+/* coman-hil protocol: prints the frames of a board protocol. */
 #include "app/cli/cli.h"
 
 #include "base/arena.h"
@@ -19,7 +19,7 @@ enum { FRAMES_MAX = 512 };
 /* A frame of the page. */
 struct protocol_frame {
     struct message message;
-    bool printed; /* printed already, as an answer or in its section */
+    bool printed; /* already printed, as an answer or in its section */
 };
 
 /* All frames of a bus, one of each kind. */
@@ -205,11 +205,11 @@ static void protocol_put_fields(const struct protocol *protocol, const struct me
 
 /* ---- frames ---- */
 
-/* Prints how the identifier is made, then length, kind and period of a frame. */
+/* Prints how a frame's identifier is computed, then the frame's length, kind and period. */
 static void protocol_put_id(const struct protocol_frames *frames, const struct message *message,
                             FILE *out)
 {
-    /* Letters for the number that an identifier contains, as explained on the page */
+    /* Letters for the variable part of an identifier, as explained on the page */
     static const char counts[] = {[MESSAGE_OF_ADDRESS] = 'a',
                                   [MESSAGE_OF_NODE] = 'n',
                                   [MESSAGE_OF_SLOT] = 's',
@@ -262,8 +262,8 @@ static struct protocol_frame *protocol_find_answer(struct protocol_frames *frame
     return NULL;
 }
 
-/* Prints a frame and its answer below. If the answer was already printed, prints its fields only
- * if it has a code. */
+/* Prints a frame, and its answer below. If the answer was already printed, prints the answer's
+ * fields only if it has a code of its own. */
 static void protocol_put_frame(struct protocol_frames *frames, struct protocol_frame *frame,
                                FILE *out)
 {
@@ -382,8 +382,8 @@ static enum error_code print_described(const char *name, struct error *error)
     return code;
 }
 
-/* Lists the protocols that are not described by a file in names, with NULL at the end, and in
- * help; returns their number. */
+/* Lists the protocols that are written in C: in names, with NULL at the end, and as text in help.
+ * Returns their number. */
 static size_t list_names(const char *names[NAMES_MAX + 1], char *help, size_t size)
 {
     const struct protocol *protocol;
@@ -427,8 +427,8 @@ int cmd_protocol(int argc, char **argv)
         return status;
     }
 
-    /* A protocol in C; else one described by a file, unless the name is similar to a protocol
-     * in C */
+    /* Find a protocol in C, else one described by a file, unless the name resembles a protocol in
+     * C */
     protocol = protocol_find(name);
     if (protocol && protocol->help) {
         protocol_page_print(protocol, stdout);

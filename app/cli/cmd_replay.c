@@ -25,7 +25,7 @@
 #include <unistd.h>
 
 struct replay_options {
-    const char *log;  /* of frames, or the directory of a recording */
+    const char *log;  /* log of frames, or the directory of a recording */
     const char *http; /* "[HOST:]PORT" of the page; NULL = send the frames */
     const char *ready, *rig, *with;
     struct option_list onto, id;
@@ -230,17 +230,18 @@ enum { NAME_SIZE = 16, BUSES_MAX = OPTION_LIST_MAX };
 
 #define REPLAY_ARENA ((size_t)64 << 20)
 
-/* Frames of different buses may lie a tick apart. A larger step back is one of the log's clock */
+/* Frames of different buses may lie a tick apart. A larger step back means that the log's clock was
+ * set back */
 #define REPLAY_STEP_NS INT64_C(200000000)
 /* Highest 29-bit identifier. */
 #define EXTENDED_MAX 0x1fffffff
 
-/* An interface, and its name in the log. */
+/* An interface, and the name of its bus in the log. */
 struct replay_bus {
     char name[NAME_SIZE], interface[NAME_SIZE];
     struct can_port *port;
-    uint64_t sent, refused;    /* frames */
-    struct histogram lateness; /* delay of sending after the due time, ns */
+    uint64_t sent, refused;    /* numbers of frames */
+    struct histogram lateness; /* delay between due time and sending, ns */
 };
 
 /* Range of identifiers to send. */
@@ -256,7 +257,7 @@ struct replay {
     struct replay_range range[OPTION_LIST_MAX];
     int64_t first_ns;  /* log time of the first frame sent */
     int64_t last_ns;   /* log time of the last frame sent */
-    int64_t origin_ns; /* clock time of that frame; INT64_MIN = none yet */
+    int64_t origin_ns; /* clock time at which the first frame was sent; INT64_MIN = none yet */
 };
 
 static atomic_bool replay_stopped;
@@ -514,7 +515,7 @@ static int replay_run(const struct replay_options *options)
         return replay_page(options);
     }
 
-    /* Options only for the page */
+    /* Options that only apply to the page */
     if (options->ready || options->with) {
         error_set(&error, ERROR_INPUT, "found %s without --http, expected both",
                   options->ready ? "--ready" : "--with");

@@ -11,7 +11,7 @@
 #include <signal.h>
 #include <unistd.h>
 
-static struct recorded_run recorded; /* of --stimulus */
+static struct recorded_run recorded; /* the recorded run of --stimulus */
 
 /* ---- the end of a run ---- */
 
@@ -81,7 +81,7 @@ static void print_control(const struct control *control)
     }
 }
 
-/* Prints what clients have done; call it after control_stop. */
+/* Prints the counters of the clients. Call it after control_stop. */
 static void print_clients(const struct control *control, const struct page *page)
 {
     if (control) {
@@ -91,7 +91,7 @@ static void print_clients(const struct control *control, const struct page *page
 }
 
 /* Closes the run's resources, prints and writes the summary, and writes the task's report to a
- * folder. control and page are NULL while clients are still served. */
+ * folder. control and page are NULL if clients are still connected. */
 static int run_finish(struct simulator *simulator, const struct control *control,
                       const struct page *page, enum loop_end end, const char *report)
 {
@@ -123,14 +123,14 @@ static int run_finish(struct simulator *simulator, const struct control *control
     return status ? status : incomplete;
 }
 
-/* Finishes a run while pages are open: sends them the end, and serves them until they are
+/* Finishes a run while pages are open. Informs them about the end, and serves them until they are
  * closed. */
 static int run_finish_watched(struct simulator *simulator, struct control *control,
                               const struct page *page, enum loop_end end, const char *report)
 {
     int status;
 
-    rig_command_on_stop(NULL, NULL); /* a stop is only recorded, and ends the wait */
+    rig_command_on_stop(NULL, NULL); /* a stop only ends the wait */
     status = run_finish(simulator, NULL, NULL, end, report);
     page_tell_end(page, simulator, end, true);
     page_linger(page, control);
@@ -159,8 +159,8 @@ static void on_hangup(int number)
     reload_wanted = 1;
 }
 
-/* Restarts the run after SIGHUP, in the monitor's thread. If the rig can be loaded, this run ends
- * and the next one begins with it. Otherwise nothing changes. */
+/* Restarts the run after SIGHUP; runs in the monitor's thread. If the rig can be loaded, it ends
+ * this run, and the next run uses the rig. Otherwise it changes nothing. */
 static void try_reload(struct simulator *simulator, struct monitor *monitor)
 {
     const struct rig *rig;
@@ -177,7 +177,7 @@ static void try_reload(struct simulator *simulator, struct monitor *monitor)
         return;
     }
 
-    /* Loads the rig as a test, because the run must end only if another can follow */
+    /* Load the rig as a test, because this run must not end if no other can follow */
     if (rig_load(run_given->rig, &arena, &rig, &error) ||
         run_options_check_trust(run_given, rig, &error)) {
         fprintf(stderr, "%sreload refused, the run continues: %s\n", journal_prefix(JOURNAL_ERROR),
@@ -190,7 +190,7 @@ static void try_reload(struct simulator *simulator, struct monitor *monitor)
     arena_fini(&arena);
 }
 
-/* Ends the process on a stop between two runs, because nothing is running and the next start may
+/* Ends the process if a stop arrives between two runs: nothing is running, and the next start may
  * take long. */
 static void stop_between_runs(void *context)
 {
@@ -201,7 +201,7 @@ static void stop_between_runs(void *context)
 
 /* ---- the control socket ---- */
 
-/* Opens the control socket. *control is NULL if it was not requested, or no default place is
+/* Opens the control socket. Sets *control to NULL if it was not requested, or if no default path is
  * available. */
 static enum error_code open_control(const struct run_options *options, struct simulator *simulator,
                                     struct control **control, struct error *error)
@@ -235,7 +235,8 @@ static enum error_code open_control(const struct run_options *options, struct si
 
 /* ---- the run ---- */
 
-/* Writes the file of --ready. host: the gateway's, "" = the default address; tables: hashes. */
+/* Writes the file of --ready. host is the gateway's, "" = the default address; tables are the
+ * hashes. */
 static enum error_code write_ready(const struct run_options *options, const char *host,
                                    const char *tables, struct simulator *simulator,
                                    const struct control *control, const struct page *page,
@@ -265,7 +266,7 @@ struct background {
     struct monitor *monitor;
 };
 
-/* Shows an event on the page's time line, which has all events without a rate limit. */
+/* Shows an event on the page's time line. The time line has all events, without a rate limit. */
 static void run_show_event(void *context, uint64_t key, const char *text)
 {
     const struct background *background = context;
@@ -289,7 +290,8 @@ static void log_control(struct background *background)
     }
 }
 
-/* The monitor's work of each period: a restart if requested, and events of the socket. */
+/* Does the monitor's work of each period: restarts the run if requested, and moves the socket's
+ * events. */
 static void run_each_period(void *context)
 {
     struct background *background = context;
@@ -343,8 +345,8 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
     }
     end = simulator_run(simulator);
 
-    /* The log is complete when all threads have ended; the page's thread ends before the socket
-     * that it uses */
+    /* The log is complete when all threads have ended. End the page's thread first, because it uses
+     * the socket */
     stays = !reload && !silent && page_stays(page, end);
     if (!stays) {
         page_tell_end(page, simulator, end, false);
@@ -363,15 +365,14 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
         return silent ? silent : status;
     }
 
-    /* A stop that arrives now is for the service: it is recorded first, then executed
-     * immediately */
+    /* For a restart, finish this run. A stop before the next run then ends the process at once */
     status = run_finish(simulator, control, page, end, options->input.report);
     fflush(stdout);
     rig_command_on_stop(stop_between_runs, NULL);
     return status;
 }
 
-/* Prints how the robot has settled before the run, if it has. */
+/* Prints how the robot has settled before the run, if it did. */
 static void print_settled(const struct simulator *simulator)
 {
     const struct settled *settled = simulator_settled(simulator);

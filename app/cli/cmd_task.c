@@ -96,7 +96,7 @@ static void *task_report_main(void *context)
 
 /* ---- the run ---- */
 
-static bool boards_lost; /* another run may find them */
+static bool boards_lost; /* another run may find the boards */
 
 /* Prints how the task ended; returns the exit status. */
 static int task_exit_status(struct task_runner *runner, enum task_status status)

@@ -14,7 +14,7 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { LINES_MAX = 1000 }; /* lines in which a sweep names its scenarios */
+enum { LINES_MAX = 1000 }; /* number of lines in which to look for the key scenarios of a sweep */
 
 /* Reserved address space, bytes. */
 #define MEMORY ((size_t)1 << 30)
@@ -78,7 +78,7 @@ static enum error_code test_read_range(const char *text, size_t range[2], struct
     return ERROR_NONE;
 }
 
-/* Prints the verdict of a case, or why it has none. */
+/* Prints the verdict of a case, or the reason why it has none. */
 static void test_case_ended(void *context, const struct plan_case *one,
                             const struct plan_result *result, const struct error *why)
 {
@@ -245,8 +245,8 @@ static const char *test_output(const struct test_options *options)
     return options->output ? options->output : "test-results";
 }
 
-/* Adds the runs of a case: the case itself, recorded to its own directory, then each mutation, not
- * recorded. */
+/* Adds the runs of a case: the case itself, recorded in its own directory, then each mutation,
+ * without a recording. */
 static void add_jobs(struct test_runs *plan, struct scenario *scenario, size_t number, size_t count,
                      const struct test_options *options)
 {

@@ -83,7 +83,7 @@ static const struct ctl_command commands[] = {
     {"stop", 0, 0, {0}, "no argument", NULL},
 };
 
-/* Makes the value of a key from a word; NULL: the command does not take the word. */
+/* Makes the value of a key from a word. Returns NULL if the command does not accept the word. */
 static json_t *ctl_value(const char *key, const char *word)
 {
     if (strcmp(key, "on") == 0) {
@@ -124,7 +124,8 @@ enum error_code ctl_make_request(const struct ctl_command *command, const struct
         return error_set(error, ERROR_INPUT, "%s: expected %s", command->name, command->expected);
     }
 
-    /* NAME=VALUE; a pattern lists the tunables that it matches; rows need a period */
+    /* Adjust the request: split NAME=VALUE, turn a pattern into a list of tunables, and add the
+     * period of rows */
     if (equals) {
         json_object_set_new(request, "name",
                             json_stringn(o->word[0], (size_t)(equals - o->word[0])));

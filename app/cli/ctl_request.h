@@ -14,7 +14,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-/* The words of a command line, apart from the program's name. */
+/* The words of a command line after the program's name. */
 struct ctl_options {
     const char *command, *socket, *udp; /* udp: destination of rows; NULL = standard output */
     const char *const *word;            /* the command's arguments; ends with NULL */
@@ -28,14 +28,14 @@ struct ctl_options {
 struct ctl_command {
     const char *name;
     size_t least, most;   /* number of arguments */
-    const char *key[2];   /* of the first arguments in the request; others are KEY=VALUE */
-    const char *expected; /* for messages: the arguments */
+    const char *key[2];   /* keys of the first arguments; further ones are KEY=VALUE */
+    const char *expected; /* description of the arguments, for messages */
     /* Prints an answer; NULL: prints tick, time and hash */
     void (*print)(const json_t *answer, FILE *out);
 };
 
-/* Adds the arguments to a request that has "cmd". A value for which there is no memory is omitted;
- * the server then refuses the request. */
+/* Adds the arguments to a request that has "cmd". Omits a value if there is no memory; the server
+ * then refuses the request. */
 enum error_code ctl_make_request(const struct ctl_command *command, const struct ctl_options *o,
                                  json_t *request, struct error *error);
 

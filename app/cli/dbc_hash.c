@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { DIGITS = 16 }; /* of a hash */
+enum { DIGITS = 16 }; /* digits of a hash */
 
 enum error_code dbc_hash_write_text(const struct dbc *dbc, struct memory_file *text,
                                     struct error *error)
@@ -44,7 +44,7 @@ enum error_code dbc_hash_rig(const struct rig *rig, struct arena *arena, const c
                              struct error *error)
 {
     size_t size = 1, used = 0;
-    /* scratch memory, because the databases must not stay in memory next to the loop's data */
+    /* scratch memory, so that the databases do not stay beside the loop's data */
     struct arena scratch;
     enum error_code code = arena_init(&scratch, RIG_COMMAND_ARENA, error);
     char *text;
@@ -65,7 +65,7 @@ enum error_code dbc_hash_rig(const struct rig *rig, struct arena *arena, const c
             used += (size_t)snprintf(text + used, size - used, "%s%s=%016" PRIx64, used ? " " : "",
                                      rig->bus[i].name, hash);
         } else if (code != ERROR_MEMORY) {
-            /* `coman-hil dbc` cannot write such a file either, so no client has it */
+            /* `coman-hil dbc` cannot write this file either, so no client has it */
             code = ERROR_NONE;
         }
     }

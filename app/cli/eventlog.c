@@ -14,8 +14,8 @@ static const char *eventlog_prefix(const struct eventlog *log, uint64_t key)
     return log->prefix ? log->prefix(key) : "";
 }
 
-/* Ends the entry's window; a flood gets another window of twice the length, in which all lines are
- * suppressed. */
+/* Ends the entry's window. During a flood it starts another window of twice the length, which
+ * suppresses all lines. */
 static void eventlog_end_window(struct eventlog *log, struct eventlog_entry *entry, int64_t now_ns)
 {
     bool flood = entry->held > 0;
@@ -35,7 +35,7 @@ static void eventlog_end_window(struct eventlog *log, struct eventlog_entry *ent
     entry->window_ns = next < WINDOW_MAX_NS ? next : WINDOW_MAX_NS;
 }
 
-/* Returns the entry of a key: its own, a free one, or the shared one. */
+/* Returns the entry of a key, else a free entry, else the shared entry. */
 static struct eventlog_entry *eventlog_entry_of(struct eventlog *log, uint64_t key)
 {
     struct eventlog_entry *shared = &log->entry[EVENTLOG_KEYS], *place = NULL;

@@ -35,7 +35,7 @@ static double find_busiest_bus(const struct simulator *simulator,
     return most;
 }
 
-/* Writes the text of the status line. before: status at the last line, zeros at first. */
+/* Writes the text of the status line. before is the status at the last line, zeros at first. */
 static void monitor_format(const struct simulator *simulator, const struct simulator_status *before,
                            const struct simulator_status *status, char *text, size_t size)
 {
@@ -65,7 +65,7 @@ static void monitor_format(const struct simulator *simulator, const struct simul
              (unsigned long long)lost, task.message[0] ? "  " : "", task.message);
 }
 
-/* Prints the status, if a tick has run since the last one: in place, as a line, or to the
+/* Prints the status if a tick has run since the last status: in place, as a line, or to the
  * manager. */
 static void print_status(struct monitor *monitor)
 {

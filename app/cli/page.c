@@ -16,8 +16,8 @@
 
 enum { LACKS_LISTED = 8 };
 
-/* Prints the page's addresses; warns if other machines can reach one. A journal has many readers,
- * so there the address has no token, and the line names the file that has it. */
+/* Prints the page's addresses, and warns if other machines can reach one. Many users can read a
+ * journal. So there the address has no token, and the line names the token file. */
 static void page_print_addresses(const struct page *page, const char *host, bool secret)
 {
     const char *control = viewer_address(page->viewer, true);
@@ -58,8 +58,8 @@ void page_print_lacks(const struct robot *robot)
 
 /* ---- tokens ---- */
 
-/* Handles an error of the token file. A file that the user has named must be usable; an error of
- * the default file is only a notice. */
+/* Handles an error of the token file. A file given by the user must be usable; for the default
+ * file, only prints a notice. */
 static enum error_code page_judge_token_file(const struct run_options *options,
                                              enum error_code code, const struct error *error)
 {
@@ -74,18 +74,18 @@ static enum error_code page_judge_token_file(const struct run_options *options,
     return code;
 }
 
-/* Starts the server with the tokens of the last run in this folder and, if any port is allowed, at
- * that run's port if it is free. Keeps both for the next run. */
+/* Starts the server with the tokens and the port of the last run in this folder. Uses another port
+ * if that port is occupied or the user has given one. Keeps tokens and port for the next run. */
 static enum error_code page_start(struct page *page, const struct run_options *options,
                                   bool service, struct viewer_config *config, struct error *error)
 {
-    const char *runtime = getenv("RUNTIME_DIRECTORY"); /* of the service manager: a list */
+    const char *runtime = getenv("RUNTIME_DIRECTORY"); /* list of folders, from the manager */
     struct page_tokens tokens = {.port = 0};
     char *path = page->tokens;
     bool any = config->port == 0;
     enum error_code code = ERROR_NONE;
 
-    /* Finds the file for tokens, "" if none is kept */
+    /* Find the token file; "" = keep no tokens */
     if (options->token_file) {
         snprintf(path, PATH_MAX, "%s",
                  strcmp(options->token_file, "none") == 0 ? "" : options->token_file);
@@ -101,7 +101,7 @@ static enum error_code page_start(struct page *page, const struct run_options *o
         return code;
     }
 
-    /* Uses the last run's tokens and port; uses another port if that one is occupied */
+    /* Use the last run's tokens and port; use another port if that one is occupied */
     if (tokens.port > 0) {
         config->token[0] = tokens.token[0];
         config->token[1] = tokens.token[1];
@@ -116,7 +116,7 @@ static enum error_code page_start(struct page *page, const struct run_options *o
         return code;
     }
 
-    /* Keeps the tokens and the port of this run */
+    /* Keep the tokens and the port of this run */
     for (int right = 0; right < 2; right++) {
         snprintf(tokens.token[right], VIEWER_TOKEN, "%s", viewer_token(page->viewer, right));
     }
@@ -144,7 +144,7 @@ enum error_code page_open(struct page *page, const struct run_options *options, 
     code =
         run_options_parse_address("--http", text, "8080", host, &config.host, &config.port, error);
 
-    /* The page has its own ports, to send frames as a guest on the buses */
+    /* The page has its own ports, and sends frames on the buses beside the host */
     code = code ? code : simulator_join(simulator, &page->ports, error);
     code = code ? code : page_start(page, options, service, &config, error);
     if (code) {

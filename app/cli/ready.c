@@ -27,8 +27,8 @@ static void put_entry(const char *name, const char *value, FILE *out)
     fputs("'\n", out);
 }
 
-/* Reads the process that a regular file of --ready names. 0: the file is empty, or there is no such
- * file; -1: no run has written it, or it cannot be read. */
+/* Reads the process id from a file of --ready. Returns 0 if the file is empty or missing, and -1 if
+ * no run has written it or it cannot be read. */
 static long ready_read_owner(const char *path)
 {
     char text[32] = "";
@@ -48,7 +48,7 @@ static long ready_read_owner(const char *path)
     return size == 0 ? 0 : sscanf(text, "pid='%ld'", &pid) == 1 && pid > 0 ? pid : -1;
 }
 
-/* Refuses a link to a file, a file that no run has written, and a file of a run that goes on. */
+/* Refuses a link, a file that no run has written, and a file of a run that still exists. */
 static enum error_code ready_check(const char *path, struct error *error)
 {
     const long owner = ready_read_owner(path);
@@ -99,7 +99,7 @@ enum error_code ready_write(const char *path, const struct ready *ready, struct 
     if (!path) {
         return ERROR_NONE;
     }
-    /* Another run may have written it since ready_begin */
+    /* Check again, because another run may have written the file since ready_begin */
     code = ready_check(path, error);
     code = code ? code : whole_file_open(&file, path, error);
     if (code) {

@@ -50,7 +50,7 @@ enum error_code firmware_write(const struct simulator *simulator, const char *di
             return error_set(error, ERROR_SYSTEM, "the name of %s is too long", directory);
         }
 
-        /* A board's name may contain a '/', a file name may not */
+        /* A board's name may contain a '/', but a file name may not */
         for (char *c = path + start; *c; c++) {
             *c = *c == '/' ? '-' : *c;
         }
@@ -65,7 +65,7 @@ enum error_code firmware_write(const struct simulator *simulator, const char *di
 /* Largest number of ticks in a recording: 115 days at 1 kHz. */
 #define TICKS_MOST INT64_C(10000000000)
 
-/* Opens a regular file of a recording; NULL = there is none. */
+/* Opens a regular file of a recording. Returns NULL if there is none. */
 static FILE *recorded_run_open(const char *directory, const char *name)
 {
     char path[PATH_MAX];

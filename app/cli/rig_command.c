@@ -69,7 +69,7 @@ int robot_command(const char *name, const char *path, const char *variant, const
     return code ? command_fail(name, &error) : STATUS_OK;
 }
 
-/* Checks whether a rig can be simulated with a task; NULL: without. */
+/* Checks whether a rig can be simulated with a task. task NULL = without a task. */
 static bool rig_can(const char *name, const char *task, const struct task_input *input)
 {
     struct simulator_config config = {
@@ -101,7 +101,7 @@ void rig_command_suggest(const char *rig, const char *task, const struct task_in
     size_t count = 0, used = 0, more = 0;
     struct arena arena;
 
-    /* Only when it is the task that the rig lacks something for */
+    /* Continue only if the rig works without the task, but not with it */
     if (error->code != ERROR_INPUT || !task || rig_can(rig, task, input) ||
         !rig_can(rig, NULL, NULL) || arena_init(&arena, RIG_COMMAND_ARENA, &unused)) {
         return;
@@ -146,8 +146,8 @@ static atomic_bool stop_requested;
 #define ONE_STOP_NS INT64_C(500000000)
 static _Atomic int64_t stopped_ns; /* time of the first SIGINT or SIGTERM; 0 = none */
 
-/* Signals that only request a stop, any number of times: a closing terminal sends several SIGHUP,
- * and each line into a pipe without a reader gives a SIGPIPE. */
+/* Signals that request a stop any number of times. A closing terminal sends several SIGHUP, and
+ * each line written to a pipe without a reader causes a SIGPIPE. */
 static struct polite_signal {
     int number;
     bool taken;
@@ -184,7 +184,7 @@ bool rig_command_stop_requested(void)
     return atomic_load(&stop_requested);
 }
 
-/* Handles such a signal, unless it is ignored (nohup, systemd's IgnoreSIGPIPE) or has another
+/* Handles a polite signal, unless it is ignored (nohup, systemd's IgnoreSIGPIPE) or has another
  * handler (a service's reload). */
 static void take_polite_signal(struct polite_signal *polite)
 {
@@ -201,7 +201,7 @@ static void take_polite_signal(struct polite_signal *polite)
 
 void rig_command_on_stop(void (*stop)(void *context), void *context)
 {
-    /* An interrupted write is restarted */
+    /* Restart an interrupted write */
     const struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESTART};
 
     atomic_store(&stopped_ns, 0);
@@ -217,13 +217,13 @@ void rig_command_on_stop(void (*stop)(void *context), void *context)
 
 void rig_command_ignore_stop(void)
 {
-    /* Nothing remains to stop: the next signal kills, except a duplicate of one that has just
-     * arrived */
+    /* Nothing is left to stop, so the next signal kills the process, except a duplicate of the last
+     * one */
     if (atomic_load(&stopped_ns) == 0) {
         signal(SIGINT, SIG_DFL);
         signal(SIGTERM, SIG_DFL);
     }
-    /* Further such signals must not interrupt the summary */
+    /* Further SIGHUP and SIGPIPE must not interrupt the summary */
     for (size_t i = 0; i < ARRAY_COUNT(polite_signals); i++) {
         if (polite_signals[i].taken) {
             signal(polite_signals[i].number, SIG_IGN);

@@ -264,8 +264,8 @@ bool run_options_is_loopback(const char *host)
            (IN6_IS_ADDR_V4MAPPED(&six) && six.s6_addr[12] == IN_LOOPBACKNET);
 }
 
-/* Checks whether a path leads outside the working directory, or may do so through symbolic
- * links. */
+/* Checks whether a path leads, or may lead through symbolic links, outside the working
+ * directory. */
 static bool path_leaves_folder(const char *path)
 {
     char part[PATH_MAX];
@@ -287,7 +287,7 @@ static bool path_leaves_folder(const char *path)
     return false;
 }
 
-/* Checks whether the rig's page listens only on this machine; returns an error for an invalid
+/* Checks whether the rig's page listens only on this machine. Returns an error for an invalid
  * address. */
 static enum error_code listens_here(const struct rig_page *page, bool *here, struct error *error)
 {

@@ -24,7 +24,7 @@ static void sweep_write_table(struct report *report, const struct sweep_point *p
 {
     const char *in = point->by_angle ? "rad" : "V";
 
-    /* Columns and their units depend on the input of the drive, an angle or a voltage */
+    /* Columns and units depend on the input of the drive: an angle or a voltage */
     report_table(report, "sweep", "Responses of the drive, a unit of what drives it.",
                  point->by_angle
                      ? "frequency_hz|input_rad|link_rad_per_rad|link_deg|link_coherence|"
@@ -148,7 +148,7 @@ enum error_code task_report_write(const struct task *task, const char *folder, s
             sweep_draw(&report, point, points, value);
             sweep_write_table(&report, point, points);
         } else {
-            /* Writes the table of tracking errors, a row for each joint */
+            /* Write the table of tracking errors, one row per joint */
             report_table(&report, "follow", "Measured less wanted angles of the links.",
                          "joint|in_file|samples|rms_rad|worst_rad|worst_at_s");
             for (size_t i = 0; i < joints; i++) {

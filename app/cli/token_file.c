@@ -40,7 +40,8 @@ static bool token_is_valid(const char *token)
            strspn(token, "0123456789abcdef") == VIEWER_TOKEN - 1;
 }
 
-/* Parses the file's three lines; returns false if the format differs from token_file_write's. */
+/* Parses the three lines of the file. Returns false if the format differs from
+ * token_file_write's. */
 static bool token_file_parse(const char *text, struct page_tokens *tokens)
 {
     char look[VIEWER_TOKEN + 1], control[VIEWER_TOKEN + 1];

@@ -13,7 +13,8 @@
 #include <inttypes.h>
 #include <string.h>
 
-/* Instructions in a tick of 1 ms at one per nanosecond; each phase gets a share of them. */
+/* Instructions in a tick of 1 ms at 1 ns per instruction, the reference for the phases' shares;
+ * column of the text after a name. */
 enum { TICK_INSTRUCTIONS = 1000000, NAME_COLUMN = 12 };
 
 /* Prints the manual's text up to the line "  @MARK@"; returns the text after that line. */

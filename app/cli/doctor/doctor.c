@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil doctor: examines a machine for a rig, by one function per subject that reads and judges
- * its data, measures it, and suggests remedies. */
+/* coman-hil doctor: examines whether a machine can run a rig. One function per subject reads its
+ * data, judges them, and suggests a remedy. */
 #include "app/cli/doctor/doctor.h"
 
 #include "app/cli/cli.h"
@@ -20,25 +20,25 @@
 #include <unistd.h>
 
 enum {
-    TEXT = 4096,        /* buffer size: the flags of a processor are that long */
+    TEXT = 4096,        /* size of a buffer, enough for the flags of a processor */
     CAP_NET_ADMIN = 12, /* capabilities, as in linux/capability.h */
     CAP_IPC_LOCK = 14,
     CAP_SYS_NICE = 23,
     ARPHRD_CAN = 280,         /* type of a CAN interface in sysfs, as in linux/if_arp.h */
-    SLOW_STATE_US = 50,       /* an idle state with a longer exit latency can cost a tick */
-    SHORT_QUEUE = 100,        /* with a shorter queue a controller may lose frames of one tick */
-    RECEIVE_WANTED = 4 << 20, /* receive buffer that a run requests, bytes, */
-    RECEIVE_FRAME = 384,      /* and bytes that a frame takes in it, with the kernel's overhead */
+    SLOW_STATE_US = 50,       /* an idle state with a longer exit latency, us, can delay a tick */
+    SHORT_QUEUE = 100,        /* with a shorter queue, a controller may lose frames within a tick */
+    RECEIVE_WANTED = 4 << 20, /* receive buffer that a run requests, bytes */
+    RECEIVE_FRAME = 384,      /* bytes per frame in the receive buffer, with overhead */
     RECEIVE_BATCH = 64,       /* frames read from a bus in one call */
     PROCESSORS_MAX = 64,
     SENSORS_MAX = 32,
 };
 
-/* An examination under way. */
+/* A running examination. */
 struct doctor {
     const struct doctor_config *config;
     const struct rig *rig;
-    int cpu; /* the loop's processor, negative = none */
+    int cpu; /* the loop's processor; negative = none */
     const char *subject;
     struct doctor_finding *findings;
     size_t count, max;
@@ -46,7 +46,8 @@ struct doctor {
 
 /* ---- findings ---- */
 
-/* Adds a finding while there is room; format gives the finding. One that is fine needs no fix. */
+/* Adds a finding while there is room. format gives the text. A finding with the verdict OK needs no
+ * fix. */
 __attribute__((format(printf, 4, 5))) static void
 doctor_add(struct doctor *d, enum doctor_verdict verdict, const char *fix, const char *format, ...)
 {
@@ -67,8 +68,8 @@ doctor_add(struct doctor *d, enum doctor_verdict verdict, const char *fix, const
 
 /* ---- files below the root ---- */
 
-/* Reads the first line of a file that begins with key, without the key; without such a line, text
- * does not change. */
+/* Finds the first line of a file that starts with key, and copies the rest of the line. Leaves text
+ * unchanged if there is none. */
 static bool doctor_read_entry(const struct doctor *d, const char *name, const char *key,
                               char text[TEXT])
 {
@@ -155,7 +156,7 @@ static bool doctor_is_raspberry_pi(const struct doctor *d)
     return doctor_read_entry(d, "/proc/device-tree/model", "Raspberry Pi", text);
 }
 
-/* Returns where the kernel's parameters are written. */
+/* Returns the place where the user sets the kernel's parameters. */
 static const char *doctor_find_command_line(const struct doctor *d)
 {
     return doctor_is_raspberry_pi(d) ? "/boot/firmware/cmdline.txt" : "the kernel's command line";
@@ -192,8 +193,8 @@ static void examine_virtual_machine(struct doctor *d)
     bool is_virtual =
         doctor_read_entry(d, "/proc/cpuinfo", "flags", text) && strstr(text, " hypervisor") != NULL;
 
-    /* ARM has no processor flag for it: a hypervisor says so in the device tree, or has a board of
-     * its own */
+    /* ARM processors have no flag for a hypervisor: the device tree names the hypervisor, or its
+     * board */
     if (doctor_is_arm(d)) {
         doctor_read_line(d, vendor, "/sys/class/dmi/id/sys_vendor");
         is_virtual = doctor_read_line(d, text, "/proc/device-tree/hypervisor/compatible") ||
@@ -208,7 +209,7 @@ static void examine_virtual_machine(struct doctor *d)
                           : "no hypervisor seen");
 }
 
-/* Examines whether the time is read without a system call. */
+/* Examines whether the process can read the time without a system call. */
 static void examine_clock_source(struct doctor *d)
 {
     static const char fast[] = " tsc arch_sys_counter kvm-clock riscv_clocksource ";
@@ -225,7 +226,7 @@ static void examine_clock_source(struct doctor *d)
                        : ": reading the time is slow, and the loop reads it eight times a tick");
 }
 
-/* Examines RT throttling, which stops real-time threads after a share of each period. */
+/* Examines RT throttling, which stops real-time threads for a part of each period. */
 static void examine_throttling(struct doctor *d)
 {
     char runtime[TEXT] = "-1", period[TEXT] = "-1";
@@ -286,7 +287,8 @@ static void examine_memory_right(struct doctor *d)
 
 /* ---- processors ---- */
 
-/* Examines the loop's processor: named, online, allowed, and isolated from other processes. */
+/* Examines whether the rig names the loop's processor, and whether it is online, allowed, and
+ * isolated from other processes. */
 static void examine_processor(struct doctor *d)
 {
     char online[TEXT] = "0", isolated[TEXT] = "", allowed[TEXT] = "", fix[160];
@@ -313,7 +315,7 @@ static void examine_processor(struct doctor *d)
     }
 }
 
-/* Examines how many interrupts may come to the loop's processor. */
+/* Examines how many interrupts the loop's processor may receive. */
 static void examine_interrupts(struct doctor *d)
 {
     char text[TEXT], fix[160];
@@ -359,8 +361,8 @@ static void examine_governor(struct doctor *d)
     }
 }
 
-/* Examines the slowest idle state that may be entered; a run holds /dev/cpu_dma_latency open to
- * forbid it, when it may write there. */
+/* Examines the slowest enabled idle state. A run forbids such states through /dev/cpu_dma_latency
+ * if it may write there. */
 static void examine_idle_states(struct doctor *d)
 {
     static const char states[] = "/sys/devices/system/cpu/cpu%d/cpuidle/state%d/%s";
@@ -392,8 +394,8 @@ static void examine_idle_states(struct doctor *d)
     }
 }
 
-/* Examines whether the loop's processor is a fast one, on ARM chips with processors of several
- * speeds: the kernel gives the relative capacity of each. */
+/* Examines whether the loop's processor is a fast one. On ARM chips with processors of several
+ * speeds the kernel gives the relative capacity of each. */
 static void examine_capacity(struct doctor *d)
 {
     long own = 0, best = 0;
@@ -417,8 +419,8 @@ static void examine_capacity(struct doctor *d)
     }
 }
 
-/* Examines the supply of a Raspberry Pi, which lowers its clock when the voltage sags; the alarm
- * stays until it is read. */
+/* Examines the power supply of a Raspberry Pi, which lowers its clock when the voltage drops. The
+ * alarm stays set until it is read. */
 static void examine_supply(struct doctor *d)
 {
     char text[TEXT];
@@ -438,7 +440,7 @@ static void examine_supply(struct doctor *d)
     }
 }
 
-/* Examines whether the contact engine of the rig is there: one of them is a module. */
+/* Examines whether the rig's contact engine is installed; one of the engines is a module. */
 static void examine_engine(struct doctor *d)
 {
     char path[512];
@@ -455,8 +457,8 @@ static void examine_engine(struct doctor *d)
 
 /* ---- buses ---- */
 
-/* Checks whether the buses are outside of the process and the kernel has CAN: it registers the
- * protocol family once the module has been loaded. */
+/* Checks whether the buses are kernel interfaces and the kernel supports CAN. The kernel lists the
+ * protocol family once its module is loaded. */
 static bool doctor_has_can(const struct doctor *d)
 {
     char text[TEXT];
@@ -476,8 +478,8 @@ static void examine_can(struct doctor *d)
     }
 }
 
-/* Examines the room for frames while the loop is delayed: without CAP_NET_ADMIN a socket's buffer
- * is at most as large as the kernel allows every process. */
+/* Examines whether the receive buffer is large enough for the frames that arrive while the loop is
+ * delayed. Without CAP_NET_ADMIN the kernel limits the buffer's size. */
 static void examine_receive_buffer(struct doctor *d)
 {
     char text[TEXT];
@@ -509,7 +511,7 @@ static void examine_interface(struct doctor *d, const struct rig_bus *bus)
         return;
     }
 
-    /* Judge its state in the order in which it would stop a run */
+    /* Judge the state in the order in which it would stop a run */
     doctor_read_line(d, flags, "/sys/class/net/%s/flags", name);
     doctor_read_line(d, queue, "/sys/class/net/%s/tx_queue_len", name);
     up = (strtoul(flags, NULL, 16) & 1) != 0;
@@ -539,12 +541,12 @@ static void examine_interface(struct doctor *d, const struct rig_bus *bus)
     }
 }
 
-/* Judges a CAN controller that runs at another bit rate than the rig says. */
+/* Judges a CAN controller whose bit rate differs from the rig's. */
 static void judge_bitrate(struct doctor *d, const struct rig_bus *bus, uint32_t actual)
 {
     char fix[192];
 
-    /* A run that configures the interface mends it, if it has the right to */
+    /* A run that configures the interface corrects the bit rate, if it has permission */
     snprintf(fix, sizeof fix,
              "ip link set %s down && ip link set %s type can bitrate %" PRId64
              " && ip link set %s up, or configure: true in the rig",
@@ -562,8 +564,7 @@ static void judge_bitrate(struct doctor *d, const struct rig_bus *bus, uint32_t 
     }
 }
 
-/* Examines the state of a CAN controller that is up; the state is available only through
- * netlink. */
+/* Examines the state of a CAN controller that is up, through netlink. */
 static void examine_controller(struct doctor *d, const struct rig_bus *bus)
 {
     const struct interface_ops *ops = d->config->interfaces;
@@ -610,7 +611,7 @@ static void examine_interfaces(struct doctor *d)
     }
 }
 
-/* Examines whether each bus carries its worst-case load, telemetry and commands together. */
+/* Examines whether each bus can carry its worst-case load, telemetry and commands together. */
 static void examine_loads(struct doctor *d)
 {
     for (size_t b = 0; b < d->rig->nbus; b++) {
@@ -626,7 +627,8 @@ static void examine_loads(struct doctor *d)
 
 /* ---- external boards ---- */
 
-/* Judges a board by when it was last heard: never, longer ago than its time-out, or in time. */
+/* Judges a board by the time since its last frame: no frame, longer than its timeout, or in
+ * time. */
 static void judge_board(struct doctor *d, const struct board_config *board, int64_t heard_ns,
                         int64_t now_ns)
 {
@@ -667,7 +669,7 @@ static void examine_external(struct doctor *d)
         return;
     }
 
-    /* Time counts from 0, as in the loop; frames beyond a batch wait for the next reading */
+    /* Time starts at 0, as in the loop; frames beyond a batch wait for the next reading */
     start = now = clock_now(config->clock);
     while (now - start < config->listen_ns) {
         clock_sleep_until(config->clock, now + CLOCK_MS);
@@ -796,8 +798,8 @@ struct doctor_options {
     double measure_s, listen_s;
 };
 
-/* Opens ports on the interfaces of external boards. A port that cannot be opened stays NULL; the
- * finding of its interface gives the reason. */
+/* Opens ports on the interfaces of external boards. A port stays NULL if it cannot be opened; the
+ * finding on its interface gives the reason. */
 static void doctor_open_ports(const struct rig *rig, struct arena *arena, struct can_port **port)
 {
     for (size_t i = 0; i < rig->boards.nboard; i++) {

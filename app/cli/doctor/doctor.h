@@ -32,22 +32,22 @@ struct doctor_finding {
 
 enum { DOCTOR_FINDINGS_MAX = 128 };
 
-/* What to examine, and the means for it. */
+/* What to examine, and how. */
 struct doctor_config {
     const char *root; /* prefix of /proc and /sys: "", or a test's directory */
     const struct rig *rig;
-    /* buses are within the process: skips CAN interfaces */
+    /* the buses are inside the process: skip CAN interfaces */
     bool local;
     const struct interface_ops *interfaces; /* NULL = do not query controllers */
-    /* Ports to listen for external boards, one per bus: NULL element = not on that bus, port NULL
-     * = not at all. Listening takes listen_ns by the clock; memory from arena */
+    /* Ports for listening to external boards, one per bus. A NULL element skips its bus; port NULL
+     * skips all. Listening takes listen_ns by the clock; memory is from arena */
     struct can_port **port;
     int64_t listen_ns;
     struct clock *clock;
     struct arena *arena;
 };
 
-/* Fills at most max findings, in a fixed order; returns their number. */
+/* Writes at most max findings, in a fixed order. Returns their number. */
 size_t doctor_examine(const struct doctor_config *config, struct doctor_finding *findings,
                       size_t max);
 
