@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Plans which joint is on which bus. */
+/* Plans the buses of an imported robot: assigns joints and sensors to buses. */
 #include "app/import/board_layout.h"
 
 #include "base/config.h"
@@ -11,10 +11,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Servo valves of one bus: one board, which loads it to 70 %, below IMPORT_BUS_LOAD. */
+/* Servo valves per bus: the axes of one board. They load the bus to 70 %, below IMPORT_BUS_LOAD. */
 enum { VALVES_MOST = 4 };
 
-/* Layout of a protocol that has none: one board a joint. */
+/* Layout for a protocol without its own layout: one board per joint. */
 static const struct protocol_bench one_each = {.bus_axes = IMPORT_BUS_AXES,
                                                .board_axes = 1,
                                                .ft_address = 1,
@@ -23,7 +23,7 @@ static const struct protocol_bench one_each = {.bus_axes = IMPORT_BUS_AXES,
 
 /* ---- the protocol ---- */
 
-/* Reads a protocol file for its largest address, and whether it needs CAN FD. */
+/* Reads the largest address in a protocol file, and whether the protocol needs CAN FD. */
 static enum error_code boards_read_file(const char *path, struct arena *arena,
                                         struct import_boards *boards, struct error *error)
 {
@@ -46,7 +46,7 @@ enum error_code import_find_boards(const char *name, struct arena *arena,
     char word[64], real[PATH_MAX], *file;
     const char *path;
 
-    /* A protocol of the program; "-fd" for one that CAN FD carries */
+    /* A protocol in C; the suffix "-fd" selects CAN FD */
     snprintf(word, sizeof word, "%.*s", (int)(fd ? length - 3 : length), name ? name : "");
     boards->protocol = name ? protocol_find(word) : protocol_at(0);
     if (boards->protocol && !boards->protocol->needs_file && (!fd || boards->protocol->canfd)) {
@@ -55,8 +55,8 @@ enum error_code import_find_boards(const char *name, struct arena *arena,
         return ERROR_NONE;
     }
 
-    /* The name of a protocol file, or a user's own file, which is named ../protocols/ and its file
-     * name in the rig file */
+    /* The name of a protocol file, or the path of a user's own file; a rig file names the copy
+     * ../protocols/NAME */
     if (!strpbrk(name, "/.")) {
         boards->name = name;
         return config_locate_from(CONFIG_PROTOCOL, name, "", arena, &path, error)
@@ -87,7 +87,8 @@ enum error_code import_find_boards(const char *name, struct arena *arena,
 
 /* ---- buses ---- */
 
-/* Returns the first body of a body's limb: the one directly after the last branch of the tree. */
+/* Returns the first body of a body's limb, which follows directly after the last branch of the
+ * tree. */
 static int body_find_limb(const struct robot *robot, int body)
 {
     while (robot->body[body].parent > 0) {
@@ -120,13 +121,13 @@ static enum error_code plan_add_bus(struct import_plan *plan, const char *protoc
     return ERROR_NONE;
 }
 
-/* Checks whether a joint has a motor; with valves, a servo valve. */
+/* Checks whether a joint has a motor, or if valves, a servo valve. */
 static bool joint_is_for(const struct robot_joint *joint, bool valves)
 {
     return valves ? joint->hydraulic.present : joint->sea.present;
 }
 
-/* Counts the joints with motors, or with valves, on the limb of a body. */
+/* Counts the joints with motors, or if valves, with servo valves, on the limb of a body. */
 static size_t limb_count_axes(const struct robot *robot, int limb, bool valves)
 {
     size_t count = 0;
@@ -138,8 +139,8 @@ static size_t limb_count_axes(const struct robot *robot, int limb, bool valves)
     return count;
 }
 
-/* Assigns joints to buses in order; a limb starts a new bus unless it fits completely on the last
- * one. */
+/* Assigns joints to buses in order. A new limb starts a new bus unless all its joints fit on the
+ * last bus. */
 static enum error_code plan_add_joints(const struct robot *robot, size_t most, bool valves,
                                        struct import_plan *plan, struct error *error)
 {
@@ -153,7 +154,7 @@ static enum error_code plan_add_joints(const struct robot *robot, size_t most, b
             continue;
         }
 
-        /* For a limb in progress one more joint must fit, for a new limb all its joints */
+        /* One more joint of the same limb must fit, or all joints of a new limb */
         if (!bus || bus->njoint + (own == limb ? 1 : limb_count_axes(robot, own, valves)) > most) {
             enum error_code code = plan_add_bus(plan, valves ? "servo-valve" : NULL, &bus, error);
 
@@ -167,8 +168,8 @@ static enum error_code plan_add_joints(const struct robot *robot, size_t most, b
     return ERROR_NONE;
 }
 
-/* Returns the motor bus without a sensor that has the nearest joint above a body; NULL if there is
- * none. */
+/* Returns the motor bus without a sensor whose joints include the nearest joint above a body; NULL
+ * if there is none. */
 static struct import_bus *plan_find_limb_bus(const struct robot *robot, struct import_plan *plan,
                                              int body)
 {
@@ -186,8 +187,8 @@ static struct import_bus *plan_find_limb_bus(const struct robot *robot, struct i
     return NULL;
 }
 
-/* Puts each force-torque sensor on its limb's bus, or a new one; the inertial board gets a bus of
- * its own. Sensors beside a protocol without a layout share buses that speak compact. */
+/* Assigns each force-torque sensor to the bus of its limb, or to a new bus. The inertial board gets
+ * its own bus. If the protocol has no layout, sensors share buses with the protocol compact. */
 static enum error_code plan_add_sensors(const struct robot *robot, struct import_plan *plan,
                                         struct error *error)
 {
@@ -217,7 +218,7 @@ static enum error_code plan_add_sensors(const struct robot *robot, struct import
 
 /* ---- addresses ---- */
 
-/* Reads an --address option, JOINT=NUMBER; returns the joint's index, -1 for another option. */
+/* Parses an --address option, JOINT=NUMBER. Returns the joint's index, or -1 for another option. */
 static int address_read(const char *option, const struct robot *robot, unsigned most,
                         unsigned *address)
 {
@@ -235,7 +236,7 @@ static int address_read(const char *option, const struct robot *robot, unsigned 
     return -1;
 }
 
-/* Checks whether a board of a bus has an address. */
+/* Checks whether a board on a bus already has this address. */
 static bool bus_has_address(const struct import_bus *bus, unsigned address)
 {
     for (size_t k = 0; k < bus->njoint; k++) {
@@ -246,7 +247,8 @@ static bool bus_has_address(const struct import_bus *bus, unsigned address)
     return false;
 }
 
-/* Gives each joint of a bus the address of its board: the given one, else the next free one. */
+/* Gives the board of each joint of a bus its address: the address from --address, else the next
+ * free one. */
 static enum error_code bus_number_boards(const struct robot *robot, const struct import_plan *plan,
                                          struct import_bus *bus, struct error *error)
 {

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Selects drives of the catalogue for the joints of an import; app/import/drive.h has the
- * rules. */
+/* Selects catalogue drives for the joints of an import, by the rules in app/import/drive.h. */
 #include "app/import/drive.h"
 
 #include "base/config.h"
@@ -13,10 +12,10 @@
 
 /* One parsed --drive option. */
 struct drive_pick {
-    const char *option;  /* the option's text, for messages */
+    const char *option;  /* text of the option, for messages */
     const char *pattern; /* shell pattern of joint names */
-    const char *file;    /* name or path of the drive, as a robot file writes it */
-    const char *copy;    /* absolute path of a user's own file, which is copied; or NULL */
+    const char *file;    /* name or path of the drive in the robot file */
+    const char *copy;    /* absolute path of a user's own file to copy; NULL = none */
     const struct robot_drive *drive;
 };
 
@@ -28,8 +27,8 @@ double import_drive_torque(const struct robot_drive *drive)
     return drive->torque > 0.0 ? drive->torque : drive->sea.Kt * drive->supply_v / drive->sea.R;
 }
 
-/* Returns the name by which a robot file refers to its own folder drives, "../drives/NAME";
- * NULL when there is no memory. */
+/* Returns the name of a copied drive in a robot file, "../drives/NAME". Returns NULL without
+ * memory. */
 static char *drive_name_own(const char *name, struct arena *arena)
 {
     static const char before[] = "../drives/";
@@ -38,7 +37,8 @@ static char *drive_name_own(const char *name, struct arena *arena)
     return file ? strcat(strcpy(file, before), name) : NULL;
 }
 
-/* Refuses two different drive files with one name, because their copies would be in one folder. */
+/* Refuses two different drive files with the same name, because their copies would be in the same
+ * folder. */
 static enum error_code robot_check_drive_copies(const struct import_robot *to, struct error *error)
 {
     for (size_t j = 0; j < to->robot->njoint; j++) {
@@ -55,15 +55,15 @@ static enum error_code robot_check_drive_copies(const struct import_robot *to, s
     return ERROR_NONE;
 }
 
-/* Finds the drive file in the option: a path (with "/" or "."), copied into the folder drives of
- * the import, or a name of the catalogue. */
+/* Finds the drive file of an option. A path (with "/" or ".") is a user's own file, which the
+ * import copies to its folder drives. Another name is in the catalogue. */
 static enum error_code drive_pick_locate(struct drive_pick *pick, struct arena *arena,
                                          const char **path, struct error *error)
 {
     char whole[PATH_MAX];
     enum error_code code;
 
-    /* A path is a user's own file, named ../drives/ and its file name in the robot file */
+    /* A path: the robot file names the copy ../drives/NAME */
     if (strpbrk(pick->file, "/.")) {
         const char *slash, *name;
 
@@ -88,12 +88,12 @@ static enum error_code drive_pick_locate(struct drive_pick *pick, struct arena *
                                    : error_set(error, ERROR_MEMORY, "no memory for the drives");
     }
 
-    /* A plain name is one of the catalogue */
+    /* A name in the catalogue */
     code = config_locate_from(CONFIG_DRIVE, pick->file, "", arena, path, error);
     return code ? error_prefix(error, "--drive") : ERROR_NONE;
 }
 
-/* Parses one --drive, NAME or JOINTS=NAME, and loads the drive that it names. */
+/* Parses a --drive option, NAME or JOINTS=NAME, and loads its drive. */
 static enum error_code drive_pick_read(const char *option, struct arena *arena,
                                        struct drive_pick *pick, struct error *error)
 {
@@ -125,7 +125,7 @@ static bool joint_takes_drive(const struct robot *robot, size_t j)
     return robot->joint[j].type == JOINT_REVOLUTE && !robot_find_coupling(robot, j);
 }
 
-/* Refuses a pattern without a matching driven joint and suggests the nearest name. */
+/* Refuses a pattern that matches no driven joint, and suggests the nearest name. */
 static enum error_code drive_pick_refuse(const struct drive_pick *pick, const struct robot *robot,
                                          struct arena *arena, struct error *error)
 {
@@ -158,7 +158,7 @@ enum error_code import_pick_drives(const struct import_options *options, struct 
     if (!to->drive || !to->drive_file || !to->drive_copy) {
         return error_set(error, ERROR_MEMORY, "no memory for the drives");
     }
-    /* Options apply in order, so the last match is used */
+    /* Options apply in order, so the last match counts */
     for (size_t i = 0; i < options->ndrive; i++) {
         struct drive_pick pick;
         bool matched = false;

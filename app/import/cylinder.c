@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Fits cylinders to joints, sizes the hydraulic supply, chooses gains; the rules are in
+/* Fits cylinders to joints, sizes the hydraulic supply, and chooses gains. The rules are in
  * drive.h. */
 #include "app/import/drive.h"
 
@@ -8,22 +8,23 @@
 #include <math.h>
 
 #define BASE_STROKES 4.0 /* distance from the joint to the cylinder's pin, in strokes */
-#define ARM_STROKES 2.0  /* distance from the joint to the rod's pin, in strokes, at most */
-#define STROKE_SHARE 0.9 /* share of the stroke that the joint's range takes */
-#define LEVER_SHARE 0.25 /* least lever at the ends of the range, as a share of the longest one */
+#define ARM_STROKES 2.0  /* largest distance from the joint to the rod's pin, in strokes */
+#define STROKE_SHARE 0.9 /* share of the stroke that the joint's range uses */
+#define LEVER_SHARE 0.25 /* smallest lever at the range's ends, per largest lever */
 /* Accumulator: precharge as a share of the pressure, and the adiabatic exponent of nitrogen. */
 #define PRECHARGE_SHARE 0.6
 #define GAS_EXPONENT 1.4
 #define RETURN_PA 2e5 /* pressure in the return line */
-#define CYCLE_S 2.0   /* time in which the pump moves all pistons out and in, s */
-/* rise above the pressure, as a share, at which the relief valve takes all of the pump */
+#define CYCLE_S 2.0   /* time in which the pump can extend and retract all pistons once, s */
+/* relative rise above the pressure at which the relief valve passes the whole pump flow */
 #define RELIEF_SHARE 0.005
-/* Velocity gain K_v as a share of the frequency on the oil; its bound, 1/s; ki / (kp K_v). */
+/* Velocity gain K_v, as a share of the natural frequency on the oil; upper bound of K_v, 1/s; ki /
+ * (kp K_v). */
 #define OIL_SHARE 0.2
 #define GAIN_MOST 16.0
 #define INTEGRAL_SHARE 0.2
 
-enum { BISECTIONS = 60 /* halves an interval to the last bits of a double */ };
+enum { BISECTIONS = 60 /* bisections that reduce an interval to the resolution of a double */ };
 
 bool import_takes_cylinder(const struct import_robot *from, size_t j)
 {
@@ -32,8 +33,8 @@ bool import_takes_cylinder(const struct import_robot *from, size_t j)
 
 /* ---- the triangle ---- */
 
-/* Triangle of the joint and the two pins: the sides base and arm meet at the joint, m; their
- * angle goes from first to last over the joint's range, rad. */
+/* Triangle of the joint and the two pins. The sides base and arm, m, meet at the joint. The angle
+ * between them goes from first to last, rad, over the joint's range. */
 struct triangle {
     double base, arm, first, last;
 };
@@ -50,7 +51,7 @@ static double triangle_lever(const struct triangle *t, double angle)
     return t->base * t->arm * sin(angle) / triangle_length(t, angle);
 }
 
-/* Finds the range with this width, rad, with equal levers at its ends, by bisection. */
+/* Finds, by bisection, the range of this width, rad, whose levers at both ends are equal. */
 static void triangle_center(struct triangle *t, double width)
 {
     double low = 0.0, high = M_PI - width;
@@ -66,8 +67,8 @@ static void triangle_center(struct triangle *t, double width)
     }
 }
 
-/* Computes the triangle with the longest arm whose range of this width, rad, takes its share of
- * the stroke, m. */
+/* Computes the triangle with the longest arm for which a range of this width, rad, uses
+ * STROKE_SHARE of the stroke, m. */
 static struct triangle triangle_fit(double stroke, double width)
 {
     struct triangle t = {.base = BASE_STROKES * stroke};
@@ -85,8 +86,8 @@ static struct triangle triangle_fit(double stroke, double width)
     return t;
 }
 
-/* Computes the longest lever in the range, m: the arm, if the rod is perpendicular to it
- * somewhere in the range. */
+/* Computes the largest lever in the range, m. It equals the arm if the rod is perpendicular to the
+ * arm somewhere in the range. */
 static double triangle_longest_lever(const struct triangle *t)
 {
     const double across = acos(t->arm / t->base);
@@ -96,8 +97,8 @@ static double triangle_longest_lever(const struct triangle *t)
                : fmax(triangle_lever(t, t->first), triangle_lever(t, t->last));
 }
 
-/* Writes a joint's triangle into its cylinder; the piston pushes toward the end of the range
- * that is nearer to 0. */
+/* Writes a joint's triangle to its cylinder. The piston extends toward the end of the range that is
+ * nearer to 0. */
 static void cylinder_take_triangle(const struct robot_joint *joint, const struct triangle *t,
                                    struct robot_hydraulic *cylinder)
 {
@@ -112,8 +113,8 @@ static void cylinder_take_triangle(const struct robot_joint *joint, const struct
         remainder(positive ? t->first - joint->lower : -t->first - joint->upper, 2.0 * M_PI);
 }
 
-/* Fits a joint's catalogue cylinder to its range. least and most are its smallest and largest
- * torques at that pressure, N m; an error where the range is too wide. */
+/* Fits a joint's catalogue cylinder to the joint's range. *least and *most receive its smallest and
+ * largest torque at this pressure, N m. Returns an error if the range is too wide. */
 static enum error_code joint_fit_cylinder(const struct import_robot *from, size_t j,
                                           double pressure, double *least, double *most,
                                           struct error *error)
@@ -140,8 +141,8 @@ static enum error_code joint_fit_cylinder(const struct import_robot *from, size_
                             source->name, width, from->drive[j]->name);
     }
     cylinder_take_triangle(joint, &t, cylinder);
-    /* Weakest when it pulls at an end of the range, strongest when it pushes on the longest
-     * lever */
+    /* The torque is smallest when the cylinder pulls at an end of the range, and largest when it
+     * pushes with the largest lever */
     *least = pressure * cylinder->A2 * end;
     *most = pressure * cylinder->A1 * longest;
     return hydraulic_check(cylinder, joint->lower, joint->upper, &why)
@@ -152,7 +153,7 @@ static enum error_code joint_fit_cylinder(const struct import_robot *from, size_
 
 /* ---- the supply ---- */
 
-/* Sizes pump, accumulator and relief valve for the volumes of all cylinders, and notes them. */
+/* Sizes pump, accumulator and relief valve for the volumes of all cylinders, and adds a note. */
 static void robot_size_supply(const struct import_robot *from, double pressure, int line,
                               struct import_notes *notes)
 {
@@ -167,7 +168,8 @@ static void robot_size_supply(const struct import_robot *from, double pressure, 
         in += cylinder->A2 * cylinder->stroke;
         leaks += cylinder->leakage * pressure;
     }
-    /* An accumulator gives the share "emptied" of its volume between pressure and precharge */
+    /* Between the pressure and the precharge, an accumulator gives the share "emptied" of its
+     * volume */
     *supply = (struct robot_hydraulic_supply){.pressure = pressure,
                                               .back = RETURN_PA,
                                               .pump = leaks + (out + in) / CYCLE_S,
@@ -184,8 +186,8 @@ static void robot_size_supply(const struct import_robot *from, double pressure, 
 
 /* ---- all of them ---- */
 
-/* Adds a note on a joint's fitted cylinder, and warnings if it is too weak for a pose or made for
- * another pressure. bears and least in N m, pressure in Pa. */
+/* Adds a note on a joint's fitted cylinder. Adds a warning if it is too weak for a pose, or made
+ * for another pressure. bears and least are in N m, pressure in Pa. */
 static void joint_tell_cylinder(const struct import_robot *from, size_t j, double pressure,
                                 double bears, double least, struct import_notes *notes)
 {
@@ -204,8 +206,7 @@ static void joint_tell_cylinder(const struct import_robot *from, size_t j, doubl
                                                                                     : "negatively",
                     joint->torque_limit, least, source->effort, source->velocity);
 
-    /* Weak or mismatched drives get a note and are not refused, because the user has chosen
-     * them */
+    /* Do not refuse weak or mismatched drives, because the user has chosen them */
     if (least < bears) {
         import_note_add(notes, IMPORT_CHANGED, source->file, source->line,
                         "joint \"%.63s\" bears %.3g N m in a pose, its drive %.63s gives %.3g to "
@@ -226,8 +227,8 @@ enum error_code import_take_cylinders(struct import_robot *from, const double *b
     double pressure = 0.0, least;
     int line = 0;
 
-    /* The supply has the highest pressure of the drives; its place in the file is the first
-     * joint's */
+    /* The supply has the highest nominal pressure of the drives; errors are reported at the first
+     * of their joints */
     for (size_t j = robot->njoint; j-- > 0;) {
         if (import_takes_cylinder(from, j)) {
             line = from->source[j]->line;
@@ -254,8 +255,8 @@ enum error_code import_take_cylinders(struct import_robot *from, const double *b
 
 /* ---- gains ---- */
 
-/* Computes the stiffness of the trapped oil at the joint behind a closed valve, N m/rad:
- * lever^2 beta (A1^2 / V1 + A2^2 / V2). */
+/* Computes the stiffness of the trapped oil at the joint behind a closed valve, N m/rad: lever^2
+ * beta (A1^2 / V1 + A2^2 / V2). */
 static double cylinder_stiffness(const struct robot_hydraulic *cylinder, double q)
 {
     double lever, x = hydraulic_length(cylinder, q, &lever) - cylinder->closed;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Assumes drives and gains; the rules are in drive.h. */
+/* Assumes drives and gains, by the rules in drive.h. */
 #include "app/import/drive.h"
 
 #include "app/import/shapes.h"
@@ -14,24 +14,25 @@
 #define GRAVITY 9.81 /* m/s2 */
 /* an effort above this multiple of the gravity load is a placeholder */
 #define PLACEHOLDER_TIMES 20.0
-/* lever of the robot's weight, below which no load tells what is a placeholder: wheels have none */
+/* lever of the robot's weight; below this load, as for wheels, the load does not limit the
+ * effort */
 #define WEIGHT_ARM_M 0.1
-#define STRENGTH_TIMES 3.0 /* assumed strength over the gravity load */
-#define CARRY_TIMES 1.5    /* least strength over the torque that a joint bears in a pose */
-/* least stiffness over that at which a standing robot tips over a joint */
+#define STRENGTH_TIMES 3.0 /* ratio of the assumed strength to the gravity load */
+#define CARRY_TIMES 1.5    /* least ratio of strength to the torque in a pose */
+/* smallest ratio of the loop's stiffness to the tipping stiffness */
 #define UPRIGHT_TIMES 1.5
-#define FOOT_M 0.02              /* a body with its lowest point so close to the ground is a foot */
-#define STRENGTH_MOST_NM 1e6     /* bound of a robot file's strengths */
+#define FOOT_M 0.02          /* a body whose lowest point is this close to the ground is a foot */
+#define STRENGTH_MOST_NM 1e6 /* largest strength that a robot file may have */
 #define SPEED_RAD_S (2.0 * M_PI) /* assumed speed */
-#define SPEED_MOST_RAD_S 100.0   /* a higher speed of the file is a placeholder */
+#define SPEED_MOST_RAD_S 100.0   /* a higher speed in the file is a placeholder */
 #define GEAR 100.0               /* assumed reduction ratio */
-/* least J over the damping that is fed back over the delayed buses */
+/* smallest ratio of J to the damping from feedback, which the buses delay */
 #define DELAYED_DAMPING_S 0.010
 
-/* Computes the worst gravity load of each joint: all bodies behind it stretched out horizontally.
- * For a floating robot, whose legs may carry it, at least half of its weight at the end of the
- * leg. load in N m, or N for a prismatic joint; reach is the distance of the farthest body behind,
- * m. */
+/* Computes the worst gravity load of each joint, with all bodies behind it stretched out
+ * horizontally. For a floating robot, whose legs may carry it, the load is at least half of its
+ * weight at the end of the leg. load is in N m, or N for a prismatic joint; reach is the distance
+ * of the farthest body behind, m. */
 static void robot_find_loads(const struct robot *robot, double *reach, double *load)
 {
     double total = 0.0;
@@ -45,7 +46,7 @@ static void robot_find_loads(const struct robot *robot, double *reach, double *l
     for (size_t b = 1; b < robot->nbody; b++) {
         double arm = vec3_norm(robot->body[b].inertia.com);
 
-        /* Walks to the base: each joint on the way carries this body at its distance */
+        /* Walk up to the base: each joint on the way carries this body at the body's distance */
         for (int up = (int)b; up > 0; up = robot->body[up].parent) {
             const struct robot_joint *joint = &robot->joint[up - 1];
             double lever = joint->type == JOINT_PRISMATIC ? 1.0 : arm;
@@ -62,8 +63,8 @@ static void robot_find_loads(const struct robot *robot, double *reach, double *l
     }
 }
 
-/* Computes by inverse dynamics the largest gravity torque of each joint in the robot's poses, N m,
- * with the base held; raises bears to it. */
+/* Computes, by inverse dynamics, the largest gravity torque of each joint in the robot's poses, N
+ * m, with a fixed base. Raises bears to this torque. */
 static enum error_code robot_find_statics(const struct robot *robot, struct arena *arena,
                                           double *bears, struct error *error)
 {
@@ -81,7 +82,7 @@ static enum error_code robot_find_statics(const struct robot *robot, struct aren
         return code;
     }
 
-    /* At rest in each pose, the inverse dynamics give the torques that hold the robot */
+    /* For rest in a pose, inverse dynamics gives the torques that hold the robot */
     for (size_t p = 0; p < robot->npose; p++) {
         if (robot->floating) {
             q[BASE_Q_QUATERNION] = 1.0;
@@ -98,9 +99,9 @@ static enum error_code robot_find_statics(const struct robot *robot, struct aren
     return ERROR_NONE;
 }
 
-/* Chooses strength, N m, and speed, rad/s, of a joint: the file's, or assumed values if these are
- * missing, placeholders or too weak for a pose. load is the joint's gravity load, most_load the
- * robot's largest. */
+/* Chooses the strength, N m, and the speed, rad/s, of a joint. Uses the file's values, or assumed
+ * values if these are missing, placeholders or too weak for a pose. load is the gravity load of the
+ * joint, most_load the largest gravity load of the robot. */
 static void drive_choose_limits(const struct import_robot *from, size_t j, double load,
                                 double most_load, double bears, struct import_notes *notes,
                                 double *strength, double *speed)
@@ -120,7 +121,7 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
                         source->effort > 0.0 ? "is a placeholder" : "is none");
     }
 
-    /* A joint must hold the robot's own poses, with room to move */
+    /* The strength must hold the joint in the robot's poses, with a reserve to move */
     if (*strength < CARRY_TIMES * bears) {
         import_note_add(
             notes, IMPORT_ASSUMED, file, source->line,
@@ -140,7 +141,7 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
     }
 }
 
-/* Fills a joint with an assumed electric drive by the rules in drive.h, on the link side. */
+/* Fills a joint with an assumed electric drive, by the rules in drive.h, on the link side. */
 static void drive_assume(const struct import_joint *source, double strength, double speed,
                          double supply_v, struct robot_joint *joint)
 {
@@ -161,8 +162,8 @@ static void drive_assume(const struct import_joint *source, double strength, dou
     };
 }
 
-/* Returns the highest supply voltage of the chosen catalogue drives; without any, the lowest of the
- * usual voltages that feeds the strongest joint with at most 25 A. */
+/* Returns the highest nominal voltage of the chosen catalogue drives. Without any, returns the
+ * lowest usual voltage at which the strongest joint needs at most 25 A. */
 static double drive_choose_supply(const struct import_robot *from, const double *strength,
                                   const double *speed)
 {
@@ -182,7 +183,7 @@ static double drive_choose_supply(const struct import_robot *from, const double 
     return supply_v > 0.0 ? supply_v : usual[i];
 }
 
-/* Sets a joint's drive from the catalogue; adds a note if it is too weak for a pose or made for
+/* Sets a joint's drive from the catalogue. Adds a note if it is too weak for a pose, or made for
  * another voltage. */
 static void drive_take(const struct import_robot *from, size_t j, double bears, double supply_v,
                        struct import_notes *notes)
@@ -210,8 +211,8 @@ static void drive_take(const struct import_robot *from, size_t j, double bears, 
     }
 }
 
-/* Checks whether joint j has no drive: the file has actuators, all of them for joints, but none for
- * it, and no --drive option names it. */
+/* Checks whether joint j has no drive. This is so if all actuators of the file are for other
+ * joints, and no --drive option names the joint. */
 static bool is_passive(const struct import_robot *from, size_t j)
 {
     return from->model->actuated && !from->model->drives_others && !from->source[j]->driven &&
@@ -246,7 +247,8 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
         most = fmax(most, load[j]);
     }
 
-    /* Strengths and speeds first: the supply depends on the strongest, the drives on the supply */
+    /* Find strengths and speeds first: the supply depends on the strongest joint, and the drives on
+     * the supply */
     for (size_t j = 0; j < robot->njoint; j++) {
         if (robot_find_coupling(robot, j)) {
             continue;
@@ -263,7 +265,8 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
         return code;
     }
 
-    /* Electric drives of all revolute joints that lead; prismatic ones only get their strength */
+    /* Add electric drives to all revolute joints that do not follow others; prismatic joints only
+     * get their strength */
     for (size_t j = 0; j < robot->njoint; j++) {
         struct robot_joint *joint = &robot->joint[j];
         const struct import_joint *source = from->source[j];
@@ -275,7 +278,7 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
         joint->passive =
             (struct robot_passive){.stiffness = source->stiffness, .rest = source->rest};
         if (joint->type != JOINT_REVOLUTE || is_passive(from, j)) {
-            joint->passive.damping = source->damping; /* that of others is their motor's */
+            joint->passive.damping = source->damping; /* motors have their own damping */
             if (joint->type == JOINT_REVOLUTE && !(source->stiffness > 0.0)) {
                 import_note_add(
                     notes, IMPORT_CHANGED, source->file, source->line,
@@ -305,7 +308,7 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
         }
     }
 
-    /* A follower has at most what its leader can pass on to it */
+    /* Limit the strength of a follower to what its leader can transmit */
     for (size_t i = 0; i < robot->ncoupling; i++) {
         const struct robot_coupling *coupling = &robot->coupling[i];
 
@@ -318,9 +321,9 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
 
 /* ---- gains ---- */
 
-/* Computes the stiffness below which the robot tips over each joint above its feet, N m/rad: its
- * weight times the height of its center of mass above the joint, divided by the number of feet.
- * tips stays 0 for the other joints. */
+/* Computes the tipping stiffness of each joint above the robot's feet, N m/rad: weight times height
+ * of the center of mass above the joint, divided by the number of feet. With less stiffness the
+ * robot tips over the joint. tips stays 0 for other joints. */
 static enum error_code robot_find_tipping(const struct robot *robot, const double *joint,
                                           struct arena *arena, double *tips, struct error *error)
 {
@@ -335,14 +338,14 @@ static enum error_code robot_find_tipping(const struct robot *robot, const doubl
     if (!import_find_lowest(robot, joint, bodies, &lowest)) {
         return ERROR_NONE;
     }
-    /* Feet are the bodies whose capsules come down to the ground */
+    /* Feet are the bodies whose capsules reach the ground */
     for (size_t c = 0; c < robot->ncapsule; c++) {
         bool down = import_capsule_bottom(&robot->capsule[c], bodies) < lowest + FOOT_M;
 
         feet += down && !foot[robot->capsule[c].body];
         foot[robot->capsule[c].body] |= down;
     }
-    /* Mass and height of the center of mass */
+    /* Sum the mass, and the height of the center of mass */
     for (size_t b = 0; b < robot->nbody; b++) {
         double com[3];
 
@@ -350,7 +353,7 @@ static enum error_code robot_find_tipping(const struct robot *robot, const doubl
         mass += robot->body[b].inertia.mass;
         moment += robot->body[b].inertia.mass * (bodies[b].p[2] + com[2]);
     }
-    /* Every joint between a foot and the base must hold the robot up */
+    /* Every joint between a foot and the base must hold the robot upright */
     for (size_t b = 1; b < robot->nbody; b++) {
         for (int up = (int)b; foot[b] && up > 0; up = robot->body[up].parent) {
             double height = moment / mass - bodies[up].p[2];
@@ -361,8 +364,9 @@ static enum error_code robot_find_tipping(const struct robot *robot, const doubl
     return ERROR_NONE;
 }
 
-/* Computes a position loop's gains for a drive, by the rules in drive.h: I is the inertia of
- * the free joint, kg m2; load its gravity load, N m; tips its tipping stiffness, N m/rad. */
+/* Computes the gains of a position loop for a drive, by the rules in drive.h. I: inertia of the
+ * joint with other joints free, kg m2. load: gravity load of the joint, N m. tips: tipping
+ * stiffness of the joint, N m/rad. */
 static struct import_gains gains_choose(const struct robot_sea *sea, double I, double load,
                                         double tips)
 {
@@ -371,7 +375,7 @@ static struct import_gains gains_choose(const struct robot_sea *sea, double I, d
     double K = fmin(least, 60.0 * 60.0 * I), D;
     const double holds = UPRIGHT_TIMES * fmax(load, tips);
 
-    /* Above the resonance with its spring the loop moves only the rotor, which limits K */
+    /* Above the resonance of the spring the loop moves only the rotor, which limits K */
     K = fmin(K, fmin(most * most / I, 100.0 * 100.0 * sea->J));
     D = fmin(2.0 * sqrt(K * I), most) - own;
     return (struct import_gains){.kp_v_per_rad = K * sea->R / sea->Kt,
@@ -404,15 +408,15 @@ enum error_code import_find_gains(const struct robot *robot, const double *joint
     robot_find_loads(robot, reach, load);
     import_lead(robot, IMPORT_LEAD_STIFFNESSES, load);
     import_lead(robot, IMPORT_LEAD_STIFFNESSES, tips);
-    /* Each joint with a drive gets gains by the kind of the drive */
+    /* Choose the gains of each joint by the kind of its drive */
     for (size_t j = 0; j < robot->njoint; j++) {
         double I = import_trial_inertia(&trial, j);
 
         if (robot->joint[j].sea.present && I > 0.0 && isfinite(I)) {
             gains[j] = gains_choose(&robot->joint[j].sea, I, load[j], tips[j]);
         } else if (robot->joint[j].hydraulic.present) {
-            /* On its oil oscillate all bodies behind it, or half of the mass of a robot that may
-             * stand on it, at the end of the leg */
+            /* All bodies behind the joint oscillate on its oil. If a floating robot may stand on
+             * the joint, half of its mass at the end of the leg does */
             I = import_trial_held_inertia(&trial, j);
             if (robot->floating) {
                 I = fmax(I, 0.5 * robot->total_mass * reach[j] * reach[j]);

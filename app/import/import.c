@@ -18,24 +18,24 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Reserved address space in which a written rig is read back. */
+/* Reserved address space for reading a written rig, bytes. */
 #define RIG_ARENA ((size_t)1 << 30)
 
-/* Clearance between the ground and the lowest point of a robot that hangs by its base, m. */
+/* Height of a hanging robot's lowest point above the ground, m. */
 #define HANG_CLEARANCE_M 0.3
 
-/* The output folder and the folders in it. Those of copies are made only if they are needed. */
+/* The output folder and its subfolders. Subfolders for copies are only made if they are needed. */
 static const char *const import_folder[] = {"",        "/robots", "/rigs",
                                             "/meshes", "/drives", "/protocols"};
 enum { IMPORT_FOLDERS = ARRAY_COUNT(import_folder), IMPORT_OWN_FOLDERS = 4 };
 
-/* A copy of a user's own file, which the written files name "../drives/NAME" or
+/* A copy of a user's own file. The written files refer to it as "../drives/NAME" or
  * "../protocols/NAME". */
 struct import_copy {
     const char *from, *name;
 };
 
-/* An import under way. */
+/* A running import. */
 struct importer {
     const struct import_request *request;
     struct import_result *result;
@@ -47,13 +47,13 @@ struct importer {
     struct import_boards boards;
     struct import_copy *copy;
     size_t ncopy;
-    double supply_v;           /* of the drives */
-    bool made[IMPORT_FOLDERS]; /* folders that did not exist */
+    double supply_v;           /* supply voltage of the drives */
+    bool made[IMPORT_FOLDERS]; /* folders that this import has made */
 };
 
 /* ---- reading ---- */
 
-/* Reads the robot that a file describes, URDF or MJCF by the name of its root element. */
+/* Reads a robot file; the name of its root element decides between URDF and MJCF. */
 static enum error_code import_read_model(const struct xml_file *file,
                                          const struct import_packages *packages,
                                          struct arena *arena, struct import_model *model,
@@ -70,7 +70,7 @@ static enum error_code import_read_model(const struct xml_file *file,
                                         : urdf_read(file, arena, model, notes, error);
 }
 
-/* Makes a robot of the model: merges links, finishes and checks it, gives it drives. */
+/* Makes a robot from the model: merges links, finishes and checks it, and gives it drives. */
 static enum error_code import_make_robot(const struct import_model *model,
                                          const struct import_options *options, struct arena *arena,
                                          struct import_notes *notes, struct import_robot *robot,
@@ -106,7 +106,7 @@ enum error_code import_model_text(const char *name, const char *text, size_t siz
     return code ? code : import_make_robot(model, options, arena, notes, robot, supply_v, error);
 }
 
-/* Reads the robot file, and the SRDF when one is given. */
+/* Reads the robot file, and the SRDF if one is given. */
 static enum error_code import_read_files(struct importer *m)
 {
     struct xml_file file;
@@ -132,8 +132,8 @@ static enum error_code import_read_files(struct importer *m)
 
 /* ---- folders ---- */
 
-/* Writes the path FOLDER/before NAME after; returns an error if it is too long. 128 bytes stay
- * free for the names of meshes. */
+/* Writes the path FOLDER/before NAME after. Returns an error if it is too long. 128 bytes stay free
+ * for the names of meshes. */
 static enum error_code path_make(const struct importer *m, const char *before, const char *name,
                                  const char *after, char path[PATH_MAX])
 {
@@ -145,7 +145,7 @@ static enum error_code path_make(const struct importer *m, const char *before, c
                            m->request->folder);
 }
 
-/* Names the files that the import will write. */
+/* Makes the names of the files to write. */
 static enum error_code import_name_files(struct importer *m)
 {
     struct import_result *result = m->result;
@@ -174,7 +174,7 @@ static enum error_code import_check_new(const struct importer *m, const char *pa
                            path);
 }
 
-/* Lists the copies of the user's own files: of the protocol, and of drives. */
+/* Lists the user's own files to copy: the protocol and the drives. */
 static enum error_code import_list_copies(struct importer *m)
 {
     const struct import_robot *robot = &m->robot;
@@ -194,8 +194,8 @@ static enum error_code import_list_copies(struct importer *m)
     return ERROR_NONE;
 }
 
-/* Makes the path of a copy, even if its folder does not exist yet; *own is whether the user's file
- * is already at that path. */
+/* Makes the path of a copy, even if its folder does not exist yet. *own receives whether the user's
+ * file is already at this path. */
 static enum error_code import_name_copy(const struct importer *m, const struct import_copy *copy,
                                         char path[PATH_MAX], bool *own)
 {
@@ -207,7 +207,7 @@ static enum error_code import_name_copy(const struct importer *m, const struct i
     return code;
 }
 
-/* Checks whether a file in the folder meshes has a name that this import gives: BODY-shellN.obj or
+/* Checks whether a file in the folder meshes has a name that an import makes: BODY-shellN.obj or
  * BODY-visualN.stl. */
 static bool import_owns_mesh(const struct importer *m, const char *name)
 {
@@ -229,8 +229,8 @@ static bool import_owns_mesh(const struct importer *m, const char *name)
     return false;
 }
 
-/* Calls a function for each file in the folder meshes whose name this import gives, until one
- * returns an error. */
+/* Calls a function for each file in the folder meshes with a name that an import makes. Stops at
+ * the first error. */
 static enum error_code import_visit_meshes(const struct importer *m,
                                            enum error_code (*visit)(const struct importer *m,
                                                                     const char *path))
@@ -252,7 +252,7 @@ static enum error_code import_visit_meshes(const struct importer *m,
     return code;
 }
 
-/* Refuses to overwrite possible files of the user: robot, rigs, drives and meshes. */
+/* Refuses to overwrite files that may belong to the user: robot, rigs, drives and meshes. */
 static enum error_code import_check_folder(const struct importer *m)
 {
     const char *const made[] = {m->result->rig, m->result->standing, m->result->robot,
@@ -302,7 +302,7 @@ static void import_remove_files(const struct importer *m)
     import_visit_meshes(m, import_remove_file);
 }
 
-/* Creates the output folder and its subfolders; made records the new ones. */
+/* Creates the output folder and its subfolders. made receives which ones are new. */
 static enum error_code import_make_folders(struct importer *m)
 {
     char path[PATH_MAX];
@@ -324,7 +324,7 @@ static enum error_code import_make_folders(struct importer *m)
     return code;
 }
 
-/* Removes the folders that were made and are empty, from the bottom up. */
+/* Removes the new folders that are empty, subfolders first. */
 static void import_remove_folders(const struct importer *m)
 {
     char path[PATH_MAX];
@@ -339,7 +339,8 @@ static void import_remove_folders(const struct importer *m)
 
 /* ---- the bench ---- */
 
-/* Checks whether a name has a word between its ends and other characters than letters. */
+/* Checks whether a name contains a word, delimited by other characters than letters or the name's
+ * ends. */
 static bool name_has_word(const char *name, const char *word)
 {
     const char *at = strstr(name, word);
@@ -351,7 +352,7 @@ static bool name_has_word(const char *name, const char *word)
     return at;
 }
 
-/* Returns the name of a pose that sounds like standing; NULL if there is none. */
+/* Returns the name of a pose that is probably for standing; NULL if there is none. */
 static const char *pose_find_like(const struct robot *robot)
 {
     static const char *const like[] = {"stand", "standing", "half_sitting", "home", "crouch"};
@@ -366,8 +367,8 @@ static const char *pose_find_like(const struct robot *robot)
     return NULL;
 }
 
-/* Chooses the pose to hang in, and for a floating robot the one to stand in, with the base's
- * height in both, m. */
+/* Chooses the initial pose for hanging and, for a floating robot, for standing. Computes the height
+ * of the base in both, m. */
 static enum error_code import_choose_poses(struct importer *m, struct import_rig *rig)
 {
     const struct robot *robot = rig->robot;
@@ -381,7 +382,7 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
         return error_set(m->error, ERROR_MEMORY, "no memory for the poses");
     }
 
-    /* The requested pose, or one with a name like standing; pose 0 is rest */
+    /* Use the requested pose, or a pose with a name like standing; pose 0 is rest */
     pose = like ? robot_find_pose(robot, like) : 0;
     if (pose < 0) {
         return error_set(m->error, ERROR_INPUT,
@@ -390,7 +391,7 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
     }
     rig->pose = robot->pose[pose].name;
 
-    /* Hang it clear of the ground; stand it with its lowest point on the ground */
+    /* A hanging robot is clear of the ground; a standing robot's lowest point is on the ground */
     shaped = import_find_lowest(robot, robot->pose[pose].joint, bodies, &lowest);
     rig->height_m = (shaped ? -lowest : 1.0) + HANG_CLEARANCE_M;
     if (robot->floating && like && shaped) {
@@ -400,7 +401,7 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
     return ERROR_NONE;
 }
 
-/* Loads the rig that was written; *load: of its fullest bus, 0 to 1 (NULL: not asked for). */
+/* Loads the written rig. *load receives the load of its fullest bus, 0 to 1; load may be NULL. */
 static enum error_code import_check_rig(struct importer *m, const char *path, double *load)
 {
     struct arena arena = {0};
@@ -417,8 +418,9 @@ static enum error_code import_check_rig(struct importer *m, const char *path, do
     return code;
 }
 
-/* Plans the buses and writes the hanging rig, which is read back for the load of its buses. A
- * protocol without a layout of its own gets fewer boards on a bus until no load is too high. */
+/* Plans the buses and writes the hanging rig, then reads the rig back to find the load of its
+ * buses. For a protocol without its own layout, it reduces the number of boards per bus until no
+ * load is too high. */
 static enum error_code import_write_hanging(struct importer *m, const struct import_rig *rig)
 {
     struct import_plan *plan = &m->plan;
@@ -443,7 +445,8 @@ static enum error_code import_write_hanging(struct importer *m, const struct imp
                : ERROR_NONE;
 }
 
-/* Finds the gains, writes the hanging rig and the standing one, if it has a pose to stand in. */
+/* Finds the gains, and writes the hanging rig. If the robot has a pose for standing, also writes
+ * the standing rig. */
 static enum error_code import_write_bench(struct importer *m)
 {
     struct import_rig rig = {.robot = m->result->loaded, .plan = &m->plan, .supply_v = m->supply_v};
@@ -454,7 +457,7 @@ static enum error_code import_write_bench(struct importer *m)
         return error_set(m->error, ERROR_MEMORY, "no memory for the gains");
     }
     rig.gains = gains;
-    /* Gains depend on the pose and on standing; each file is read back immediately */
+    /* Gains differ between hanging and standing; each file is read back immediately */
     if ((code = import_plan_begin(rig.robot, &m->boards, &m->plan, m->error)) ||
         (code = import_choose_poses(m, &rig)) ||
         (code = import_find_gains(rig.robot,
@@ -485,7 +488,7 @@ static enum error_code import_write_bench(struct importer *m)
 
 /* ---- the whole ---- */
 
-/* Copies the files of the user's own into the output's folders. */
+/* Copies the user's own files to the output folder. */
 static enum error_code import_write_copies(const struct importer *m)
 {
     enum error_code code = ERROR_NONE;
@@ -499,7 +502,7 @@ static enum error_code import_write_copies(const struct importer *m)
     return code;
 }
 
-/* Writes shapes, looks, robot, rigs and the report of the notes. */
+/* Writes shapes, visuals, robot, rigs, and the report. */
 static enum error_code import_write_files(struct importer *m)
 {
     struct import_result *result = m->result;
@@ -513,7 +516,7 @@ static enum error_code import_write_files(struct importer *m)
                                            .error = m->error};
     enum error_code code;
 
-    /* The robot with its shapes and visuals; later steps use the file as read back */
+    /* Write the robot with its shapes and visuals; later steps use the file as read back */
     if ((code = path_make(m, "meshes", "", "", meshes)) || (code = import_add_shapes(&builder)) ||
         (code = import_add_visuals(&builder)) || (code = import_write_copies(m)) ||
         (code = import_write_robot(&m->robot, result->robot, m->error)) ||
@@ -545,7 +548,7 @@ enum error_code import_run(const struct import_request *request, struct arena *a
 
     *result = (struct import_result){.notes.arena = arena};
     error->code = ERROR_NONE;
-    /* Reads and checks everything before the first file is written */
+    /* Read and check everything before writing the first file */
     if ((code = import_find_boards(request->protocol, arena, &m.boards, error)) ||
         (code = import_read_files(&m)) ||
         (code = import_make_robot(&m.model, &request->options, arena, &result->notes, &m.robot,

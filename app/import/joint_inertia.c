@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Computes the inertias of joints from trial torques and accelerations, and from these the
- * stiffness and damping of couplings; drive.h has the rules. */
+/* Computes the inertias of joints from trial torques and accelerations, and from the inertias the
+ * stiffness and damping of couplings. The rules are in drive.h. */
 #include "app/import/joint_inertia.h"
 #include "app/import/drive.h"
 
@@ -11,8 +11,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Computes the accelerations under the trial's torques and gravity, as if no joint followed
- * another. */
+/* Computes the accelerations under the trial's torques and gravity, without couplings. */
 static void trial_accelerate(struct import_trial *t, double *vdot)
 {
     const struct dynamics *d = &t->dynamics;
@@ -20,8 +19,9 @@ static void trial_accelerate(struct import_trial *t, double *vdot)
     d->ops->implicit(d, t->q, t->v, t->tau, t->ext, t->extra, t->none, vdot);
 }
 
-/* Computes for each coupling the accelerations by a unit force on its follower and minus the
- * multiplier on its leader, and factorizes the matrix that makes followers follow. */
+/* Computes the accelerations from a unit force in each coupling. The force acts on the follower;
+ * its reaction, times the multiplier, acts on the leader. Factorizes the matrix that gives the
+ * coupling forces. */
 static void trial_find_columns(struct import_trial *t)
 {
     const struct robot *robot = t->dynamics.robot;
@@ -47,7 +47,7 @@ enum error_code import_trial_make(const struct robot *robot, const double *joint
     double *next = arena_alloc(arena, ARRAY_COUNT(part) * n + k * (n + k + 2) + 1, sizeof *next);
     enum error_code code;
 
-    /* State, torques and accelerations; then what couplings need */
+    /* Allocate state, torques, accelerations, and data for couplings */
     t->none = arena_alloc(arena, robot->nbody, sizeof *t->none);
     t->ext = arena_alloc(arena, robot->nbody, sizeof *t->ext);
     if (!next || !t->none || !t->ext) {
@@ -61,7 +61,7 @@ enum error_code import_trial_make(const struct robot *robot, const double *joint
     t->zero = t->factor + k * k;
     t->press = t->zero + k;
 
-    /* The base is upright; rotors count as inertia added to their joints */
+    /* The base is upright; the rotors' inertias are added to their joints */
     if (robot->floating) {
         t->q[BASE_Q_QUATERNION] = 1.0;
     }
@@ -70,7 +70,7 @@ enum error_code import_trial_make(const struct robot *robot, const double *joint
         t->extra[j] = robot->joint[j].sea.present ? robot->joint[j].sea.J : 0.0;
     }
 
-    /* The effect of gravity alone is subtracted from each later trial */
+    /* Compute the effect of gravity alone, which each later trial subtracts */
     code = dynamics_generic(robot, arena, &t->dynamics, error);
     if (!code) {
         trial_accelerate(t, t->still);
@@ -83,7 +83,7 @@ double import_trial_inertia(struct import_trial *t, size_t j)
 {
     const struct robot *robot = t->dynamics.robot;
 
-    /* The acceleration by a unit torque minus that at rest, with followers following */
+    /* Acceleration by a unit torque minus acceleration at rest, with couplings */
     t->tau[j] = 1.0;
     trial_accelerate(t, t->vdot);
     t->tau[j] = 0.0;
@@ -94,7 +94,7 @@ double import_trial_inertia(struct import_trial *t, size_t j)
     return 1.0 / t->vdot[robot->nv - robot->njoint + j];
 }
 
-/* Projects forces on all joints onto the motion of joint j with its followers. */
+/* Projects the forces on all joints onto the motion of joint j and its followers. */
 static double trial_project(const struct import_trial *t, size_t j)
 {
     const struct robot *robot = t->dynamics.robot;
@@ -115,12 +115,13 @@ double import_trial_held_inertia(struct import_trial *t, size_t j)
     const struct robot *robot = d->robot;
     double *joint = t->vdot + robot->nv - robot->njoint, torque;
 
-    /* Inverse dynamics at rest give the gravity torque, which is subtracted below */
+    /* Inverse dynamics at rest gives the gravity torque, which is subtracted below */
     memset(t->vdot, 0, robot->nv * sizeof *t->vdot);
     d->ops->inverse(d, t->q, t->v, t->vdot, NULL, t->force);
     torque = trial_project(t, j);
 
-    /* A unit of acceleration, which its followers follow by their multipliers */
+    /* Set a unit acceleration of the joint; its followers have their multipliers as
+     * accelerations */
     joint[j] = 1.0;
     for (size_t i = 0; i < robot->ncoupling; i++) {
         if (robot->coupling[i].leader == (int)j) {
@@ -133,8 +134,8 @@ double import_trial_held_inertia(struct import_trial *t, size_t j)
 
 /* ---- couplings ---- */
 
-#define SWINGS_RAD_S 1000.0 /* frequency of the held follower on its coupling */
-#define GIVES 1e-3          /* deflection at the leader under its drive's full strength, rad or m */
+#define SWINGS_RAD_S 1000.0 /* frequency of a held follower on its coupling */
+#define GIVES 1e-3          /* deflection under full strength, rad or m at the leader */
 #define STIFFNESS_LEAST 1e-6
 #define STIFFNESS_MOST 1e8
 
@@ -151,7 +152,7 @@ void import_lead(const struct robot *robot, enum import_lead what, double *value
     }
 }
 
-/* Notes a coupling that was assumed. */
+/* Adds a note on an assumed coupling. */
 static void tell_coupling(const struct import_robot *from, const struct robot_coupling *coupling,
                           struct import_notes *notes)
 {
@@ -184,7 +185,7 @@ enum error_code import_stiffen_couplings(struct import_robot *from, struct arena
     }
     code = import_trial_make(robot, from->rest, arena, &trial, error);
 
-    /* Stiffness by the follower's inertia and the leader's drive; critical damping */
+    /* Stiffness from the follower's inertia and the leader's drive; critical damping */
     for (size_t i = 0; i < robot->ncoupling && !code; i++) {
         struct robot_coupling *coupling = &robot->coupling[i];
         const struct robot_joint *leader = &robot->joint[coupling->leader];

@@ -18,7 +18,7 @@
 
 /* ---- where a mesh is ---- */
 
-/* Checks whether a path has ".." among its names. */
+/* Checks whether a path contains "..". */
 static bool path_has_parent(const char *path)
 {
     for (const char *at = path; *at;) {
@@ -32,7 +32,7 @@ static bool path_has_parent(const char *path)
     return false;
 }
 
-/* Writes the path folder/rest, with `length` characters of the folder; returns whether it is a
+/* Writes the path folder/rest, using `length` characters of the folder. Returns whether it is a
  * regular file. */
 static bool path_try(const char *folder, int length, const char *rest, char path[PATH_MAX])
 {
@@ -42,8 +42,8 @@ static bool path_try(const char *folder, int length, const char *rest, char path
     return used > 0 && used < PATH_MAX && !stat(path, &status) && S_ISREG(status.st_mode);
 }
 
-/* Finds package://NAME/REST as NAME/REST in the given folders and in the folders above the robot
- * file, and as REST in the package's own folder. */
+/* Finds package://NAME/REST. Tries NAME/REST in the given folders and in the folders above the
+ * robot file, and REST in the folder of the package itself. */
 static bool package_find(const char *reference, const char *above,
                          const struct import_packages *packages, char path[PATH_MAX])
 {
@@ -59,7 +59,7 @@ static bool package_find(const char *reference, const char *above,
             return true;
         }
     }
-    /* From the robot file's folder up, one name at a time; the root itself is left out */
+    /* Go up from the robot file's folder, one name at a time; do not try the root */
     for (length = (int)strlen(above); length > 0; length--) {
         if (above[length] != '/' && above[length] != '\0') {
             continue;
@@ -82,7 +82,7 @@ enum import_path import_find_mesh(const struct import_model *model,
     enum import_path where = IMPORT_PATH_MISSING;
     char folder[PATH_MAX];
 
-    /* Packages are searched; other paths are relative to the robot file's folder */
+    /* Search for packages; other paths are relative to the robot file's folder */
     error->code = ERROR_NONE;
     name += !strncmp(name, plain, sizeof plain - 1) ? sizeof plain - 1 : 0;
     if (!import_find_folder(model->file, folder)) {
@@ -161,8 +161,8 @@ static void stl_put_word(unsigned char *to, uint32_t word)
     }
 }
 
-/* Writes a facet of 50 bytes: the unit normal (0 for a face without area), three corners, all as
- * little-endian floats, and two bytes that are 0. */
+/* Writes a facet of 50 bytes. It has the unit normal (0 for a face without area) and three corners,
+ * all as little-endian floats, and two zero bytes. */
 static void stl_put_face(unsigned char to[50], const double *const corner[3])
 {
     double a[3], b[3], normal[3], length;
@@ -202,7 +202,7 @@ enum error_code import_write_tint(const struct import_mesh *mesh, int tint, cons
     if (code) {
         return code;
     }
-    /* The header's 80 bytes of text, the number of facets, then the facets of this tint */
+    /* Write 80 bytes of text, the number of facets, then the facets of this tint */
     stl_put_word(header + 80, (uint32_t)import_count_tint(mesh, tint));
     fwrite(header, 1, sizeof header, file.out);
     for (size_t f = 0; f < mesh->nface; f++) {
@@ -220,8 +220,8 @@ enum error_code import_write_tint(const struct import_mesh *mesh, int tint, cons
 
 /* ---- volume and inertia ---- */
 
-/* Computes a face's corners relative to the apex, and returns the volume of their pyramid, m3:
- * signed if exact, otherwise its magnitude. */
+/* Computes a face's corners relative to the apex. Returns the volume of the pyramid from apex to
+ * face, m3: with its sign if exact, else its magnitude. */
 static double pyramid_measure(const struct import_mesh *mesh, size_t face, const double apex[3],
                               bool exact, double corner[3][3])
 {
@@ -268,7 +268,8 @@ static double mesh_find_center(const struct import_mesh *mesh, bool exact, doubl
     for (size_t f = 0; f < mesh->nface; f++) {
         double corner[3][3], volume = pyramid_measure(mesh, f, middle, exact, corner);
 
-        /* The center of a pyramid is a quarter of the sum of its corners */
+        /* The center of a pyramid is a quarter of the sum of its four corners; the apex is the
+         * origin */
         total += volume;
         for (int c = 0; c < 3; c++) {
             vec3_add_scaled(sum, 0.25 * volume, corner[c], sum);
@@ -290,8 +291,8 @@ double import_measure_mesh(const struct import_mesh *mesh, bool exact, double ce
         return 0.0;
     }
 
-    /* Second moments about the center: a pyramid with its apex there adds volume / 20 times the
-     * products of its corners, each with itself, and of their sum with itself */
+    /* Second moments about the center: a pyramid with its apex there adds volume / 20 times the sum
+     * of products: of each corner with itself, and of the corners' sum with itself */
     for (size_t f = 0; f < mesh->nface; f++) {
         double corner[3][3], sum[3], volume = pyramid_measure(mesh, f, center, exact, corner);
 

@@ -1,11 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Meshes of foreign robots: STL, binary and ASCII, Wavefront OBJ and COLLADA, in meters in the
- * frame of the link after scaling. A mirroring scale reverses the faces, so that normals still
- * point outward. Corners at the same place become one vertex. Files are searched only where the
- * robot file says: package:// in the given folders and in the folders above the file, file:// and
- * plain paths by the rules of path.h. Sizes are limited; names are never passed to a shell. Colors
- * are diffuse colors of materials, for an OBJ from the MTL files in its folder; textures are not
+ * Meshes of foreign robots: STL (binary and ASCII), Wavefront OBJ and COLLADA. After scaling they
+ * are in meters, in the frame of the link. A mirroring scale reverses the faces, so that normals
+ * still point outward. Corners at the same place become one vertex.
+ *
+ * Files are only searched where the robot file says: package:// in the given folders and in the
+ * folders above the file, file:// and plain paths by the rules of path.h. Sizes are limited. Names
+ * are never passed to a shell.
+ *
+ * Colors are diffuse colors of materials, for an OBJ from MTL files in its folder. Textures are not
  * read. Not RT-safe.
  */
 #ifndef APP_IMPORT_MESH_H
@@ -20,33 +23,33 @@
 enum {
     IMPORT_MESH_BYTES_MAX = 256 << 20,
     IMPORT_MESH_FACES_MAX = 1 << 20,
-    /* maximum number of colors of one mesh; further colors become the nearest of these */
+    /* largest number of colors of a mesh; further colors are replaced by the nearest */
     IMPORT_COLORS_MAX = 32,
 };
 
 /* Reserved address space for one mesh. */
 #define IMPORT_MESH_ARENA ((size_t)1 << 30)
 
-/* Search folders for packages: each has a subfolder with the package's name. */
+/* Search folders for packages. Each contains subfolders with the names of packages. */
 struct import_packages {
     const char *const *folder;
     size_t count;
-    bool trust; /* allow other paths outside the robot file's folder */
+    bool trust; /* allow paths outside the robot file's folder, too */
 };
 
-/* A triangle mesh with a color for each face; the arena of its reading owns the memory. */
+/* A triangle mesh with a color per face. The arena that it was read into owns the memory. */
 struct import_mesh {
     size_t nvertex, nface;
-    double (*vertex)[3];                /* m, in the link's frame, without the shape's own pose */
+    double (*vertex)[3];                /* m, in the link's frame, without the pose of the shape */
     int (*face)[3];                     /* counterclockwise from outside */
     signed char *tint;                  /* by face: index in color, -1 = no color */
     double color[IMPORT_COLORS_MAX][4]; /* sRGB and opacity, 0 to 1 */
     size_t ncolor;
-    const char *remark; /* missing parts of its appearance, NULL = none */
+    const char *remark; /* parts of its appearance that are missing; NULL = none */
 };
 
-/* Finds the path of a mesh. Reports one whose name leads outside the allowed folders, whether or
- * not the file exists, and one that is missing, with the reason. */
+/* Finds the path of a mesh. Reports a name that leads outside the allowed folders, whether or not
+ * the file exists, and a missing file, with the reason. */
 enum import_path import_find_mesh(const struct import_model *model,
                                   const struct import_geometry *shape,
                                   const struct import_packages *packages, char path[PATH_MAX],
@@ -56,18 +59,19 @@ enum import_path import_find_mesh(const struct import_model *model,
 enum error_code import_read_mesh(const char *path, const double scale[3], struct arena *arena,
                                  struct import_mesh *mesh, struct error *error);
 
-/* Reads a mesh from memory. The extension of name gives the format. is_file: name is a path, in
- * whose folder materials are searched. */
+/* Reads a mesh from memory. The extension of name gives the format. is_file: name is a path, and
+ * materials are searched in its folder. */
 enum error_code import_parse_mesh(const char *name, bool is_file, const char *text, size_t size,
                                   const double scale[3], struct arena *arena,
                                   struct import_mesh *mesh, struct error *error);
 
-/* Computes the enclosed volume of a mesh, m3, with the center of mass and the inertia about it
- * (xx, xy, xz, yy, yz, zz, m5) for density 1. exact: by signed volumes, correct for a closed
- * surface. Otherwise as the sum of the pyramids from the center of the surface to its faces, all
- * counted positive. This is exact if that center sees all faces from inside, and also works for
- * inverted surfaces and surfaces with holes. Returns 0 if the volume is not positive. Not RT-safe:
- * it visits all faces. */
+/* Computes the volume of a mesh, m3, its center of mass, and its inertia about the center of mass
+ * for density 1 (xx, xy, xz, yy, yz, zz, m5).
+ *
+ * exact: uses signed volumes, which is correct for a closed surface. Otherwise it sums the
+ * magnitudes of the pyramids from the center of the surface to the faces. This is exact if all
+ * faces are visible from that center, and also works for inverted surfaces and surfaces with holes.
+ * Returns 0 if the volume is not positive. Not RT-safe: it visits all faces. */
 double import_measure_mesh(const struct import_mesh *mesh, bool exact, double center[3],
                            double I[6]);
 

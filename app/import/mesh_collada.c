@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * COLLADA 1.4 and 1.5: the geometries of a scene, placed by its nodes. <unit> scales. <up_axis> is
- * ignored, as in RViz and Gazebo, because URDF origins are written for their display. Elements that
- * are not surfaces (lines, cameras, lights) are skipped. The document is walked twice, first to
- * count. A part may occur in a scene many times, so the work is limited. The first error stays in
- * the reader's error; then nothing more is read.
+ * Reads COLLADA 1.4 and 1.5: the geometries of a scene, placed by its nodes. <unit> scales.
+ * <up_axis> is ignored, as in RViz and Gazebo, because URDF origins are written for them. Elements
+ * without surfaces (lines, cameras, lights) are skipped.
+ *
+ * The document is read twice, first to count. A part may occur many times in a scene, so the work
+ * is limited. The reader keeps its first error, and then reads nothing more.
  */
 #include "app/import/mesh_private.h"
 #include "app/import/xml.h"
@@ -20,27 +21,27 @@
 
 enum {
     COLLADA_DEPTH_MAX = 64,
-    /* visits of elements, counted for each occurrence in the scene */
+    /* visits of elements, counted at each occurrence in the scene */
     COLLADA_VISITS_MAX = 1 << 22,
-    COLLADA_STRIDE_MAX = 64, /* numbers of one corner, at most */
-    /* bytes of numbers read, counted again for each occurrence in the scene */
+    COLLADA_STRIDE_MAX = 64, /* largest number of values per corner */
+    /* bytes of numbers read, counted at each occurrence in the scene */
     COLLADA_WORK_MAX = 1 << 29,
-    COLLADA_STEP_WORK = 64, /* charged for each binding of a material, in bytes */
+    COLLADA_STEP_WORK = 64, /* work counted for binding a material, in bytes */
     COLLADA_WORD_MAX = 64,
 };
 
-/* The document, read twice: the first pass counts, the second fills the mesh. */
+/* A document during reading. The first pass counts, the second fills the mesh. */
 struct collada {
     struct mesh_reader *to;
     struct xml_file file;
     struct xml_names ids;
-    bool counting;          /* in the first pass */
+    bool counting;          /* true in the first pass */
     size_t vertices, faces; /* numbers counted in the first pass */
     size_t visited, work;   /* elements visited in this pass; bytes of numbers read */
 };
 
-/* Reports an error at an element. found: text after the element's name, with the found and the
- * expected content. */
+/* Sets an error at an element. found is the text after the element's name: what was found and
+ * expected. */
 static void collada_refuse(const struct collada *c, const xmlNode *node, const char *found)
 {
     xml_refuse(&c->file, node, "found <%.40s> %s", (const char *)node->name, found);
@@ -51,7 +52,7 @@ static bool collada_failed(const struct collada *c)
     return c->to->error->code != ERROR_NONE;
 }
 
-/* Counts a visit of an element, or of its whole subtree if `all`; refuses a scene with too many
+/* Counts a visit of an element or, if all, of its whole subtree. Refuses a scene with too many
  * visits. */
 static void collada_visit(struct collada *c, const xmlNode *node, bool all)
 {
@@ -64,7 +65,7 @@ static void collada_visit(struct collada *c, const xmlNode *node, bool all)
     }
 }
 
-/* Charges the length of a text to the reader's work; refuses a scene that needs too much of it. */
+/* Adds the length of a text to the reader's work. Refuses a scene with too much work. */
 static void collada_account(struct collada *c, const xmlNode *node, const char *text)
 {
     c->work += strlen(text);
@@ -75,7 +76,7 @@ static void collada_account(struct collada *c, const xmlNode *node, const char *
 
 /* ---- references ---- */
 
-/* Returns the element with a name to which an attribute of the node refers ("#" and an id, in the
+/* Returns the element with this name to which an attribute of the node refers ("#" and an id in the
  * same document); NULL if there is none. */
 static const xmlNode *collada_refer(const struct collada *c, const xmlNode *node,
                                     const char *attribute, const char *name)
@@ -87,7 +88,7 @@ static const xmlNode *collada_refer(const struct collada *c, const xmlNode *node
     return found && xml_is(found->node, name) ? found->node : NULL;
 }
 
-/* Returns the element to which an attribute of the node must refer; refuses other references. */
+/* Returns the element to which an attribute of the node must refer; refuses a wrong reference. */
 static const xmlNode *collada_follow(const struct collada *c, const xmlNode *node,
                                      const char *attribute, const char *name)
 {
@@ -115,13 +116,13 @@ static const xmlNode *collada_descend(const xmlNode *node, const char *const pat
 /* ---- colors ---- */
 
 /*
- * Colors of COLLADA. The material of a primitive is a symbol; the instance of its geometry binds
- * the symbol to a <material>. That has an <effect>, whose shader has a diffuse color. Colors are
+ * Colors of COLLADA. A primitive names its material by a symbol. The instance of its geometry binds
+ * the symbol to a <material>, which has an <effect> with a shader and its diffuse color. Colors are
  * opaque, because exporters disagree on transparency. A broken link is not an error; it gives no
  * color.
  */
 
-/* Finds the material that an instance binds to a symbol; NULL when it binds none. Charges the
+/* Finds the material that an instance binds to a symbol. Returns NULL if there is none. Counts the
  * work. */
 static const xmlNode *collada_bound_material(struct collada *c, const xmlNode *instance,
                                              const char *symbol)
@@ -141,8 +142,8 @@ static const xmlNode *collada_bound_material(struct collada *c, const xmlNode *i
     return NULL;
 }
 
-/* Finds the element with the color by which an effect scatters light (diffuse), or for a
- * constant shader emits it; NULL when there is none. */
+/* Finds the element with the diffuse color of an effect, or with the emission of a constant shader.
+ * Returns NULL if there is none. */
 static const xmlNode *collada_find_diffuse(const xmlNode *effect)
 {
     static const char *const technique[] = {"profile_COMMON", "technique", NULL};
@@ -159,8 +160,8 @@ static const xmlNode *collada_find_diffuse(const xmlNode *effect)
     return NULL;
 }
 
-/* Returns the index in the mesh's colors of a primitive's material, as the <instance_geometry>
- * binds it; -1 when it has no color. */
+/* Returns the index, in the mesh's colors, of the color of a primitive's material, as bound by the
+ * <instance_geometry>. Returns -1 if it has no color. */
 static int collada_find_tint(struct collada *c, const xmlNode *instance, const xmlNode *primitive)
 {
     const char *symbol = xml_attribute(primitive, "material");
@@ -170,7 +171,8 @@ static int collada_find_tint(struct collada *c, const xmlNode *instance, const x
     if (c->counting || !symbol) {
         return -1;
     }
-    /* Follows symbol, material, effect and shader to the color; a missing link means no color */
+    /* Follow symbol, material, effect and shader to the color; without one of them there is no
+     * color */
     material = collada_bound_material(c, instance, symbol);
     effect =
         collada_refer(c, material ? xml_child(material, "instance_effect") : NULL, "url", "effect");
@@ -188,7 +190,7 @@ static int collada_find_tint(struct collada *c, const xmlNode *instance, const x
 
 /* ---- numbers ---- */
 
-/* Reads the next word of a text; false at its end. A word that is too long is cut to 32 characters
+/* Reads the next word of a text. Returns false at the end. Truncates a long word to 32 characters
  * and "...". */
 static bool collada_next_word(const char **at, char word[COLLADA_WORD_MAX])
 {
@@ -207,7 +209,7 @@ static bool collada_next_word(const char **at, char word[COLLADA_WORD_MAX])
     return length > 0;
 }
 
-/* Refuses a word among an element's numbers; expected: text for the message. */
+/* Refuses a word among an element's numbers. expected is a text for the message. */
 static void collada_refuse_word(const struct collada *c, const xmlNode *node, const char *word,
                                 const char *expected)
 {
@@ -215,7 +217,7 @@ static void collada_refuse_word(const struct collada *c, const xmlNode *node, co
                (const char *)node->name, expected);
 }
 
-/* Reads an attribute that is an integer >= 0; otherwise: the default. */
+/* Reads an integer attribute, at least 0. otherwise is the default. */
 static int64_t collada_read_whole(const struct collada *c, const xmlNode *node, const char *name,
                                   int64_t otherwise)
 {
@@ -229,11 +231,12 @@ static int64_t collada_read_whole(const struct collada *c, const xmlNode *node, 
     return value;
 }
 
-/* Reads all numbers of a <float_array> into the heap; the caller frees them, after errors too. */
+/* Reads all numbers of a <float_array> into the heap. The caller frees them, even after an
+ * error. */
 static double *collada_read_floats(struct collada *c, const xmlNode *node, size_t *count)
 {
     const char *at = xml_content(node);
-    /* Each number takes at least a digit and a blank, so half of the text's length is enough */
+    /* Each number needs at least a digit and a blank, so half of the text's length is enough */
     double *value = malloc((strlen(at) / 2 + 1) * sizeof *value);
     char word[COLLADA_WORD_MAX];
 
@@ -254,8 +257,8 @@ static double *collada_read_floats(struct collada *c, const xmlNode *node, size_
 
 /* ---- positions ---- */
 
-/* Reads the positions that <vertices> refers to: x, y, z at offset + k stride of its source's
- * array. Returns them on the heap; the caller frees them, after errors too. */
+/* Reads the positions that <vertices> refers to: x, y, z at offset + k stride in the array of its
+ * source. Returns them on the heap. The caller frees them, even after an error. */
 static double *collada_read_positions(struct collada *c, const xmlNode *vertices, size_t *npoint)
 {
     static const char *const path[] = {"technique_common", "accessor", NULL};
@@ -264,7 +267,7 @@ static double *collada_read_positions(struct collada *c, const xmlNode *vertices
     double *value;
     size_t values = 0;
 
-    /* The input of semantic POSITION, its source, and the array of numbers in that */
+    /* Find the input with semantic POSITION, its source, and the array of numbers in the source */
     *npoint = 0;
     collada_visit(c, vertices, true);
     while (input && strcmp(xml_attribute(input, "semantic") ? xml_attribute(input, "semantic") : "",
@@ -297,8 +300,7 @@ static double *collada_read_positions(struct collada *c, const xmlNode *vertices
         return NULL;
     }
 
-    /* Uses as many positions as the array holds, for any count in the file; packs them to the
-     * front */
+    /* Use as many positions as the array has, for any count in the file; move them to the front */
     value = collada_read_floats(c, array, &values);
     count = (int64_t)values - offset < 3 ? 0 : ((int64_t)values - offset - 3) / stride + 1;
     for (int64_t k = 0; k < count; k++) {
@@ -308,8 +310,8 @@ static double *collada_read_positions(struct collada *c, const xmlNode *vertices
     return value;
 }
 
-/* Adds all positions of a geometry at its place to the mesh, or counts them. Those that no face
- * uses are dropped later, by mesh_join_vertices. */
+/* Adds all positions of a geometry, at its place, to the mesh, or counts them. mesh_join_vertices
+ * later drops positions that no face uses. */
 static void collada_add_positions(struct collada *c, const struct import_place *place,
                                   const double *position, size_t count)
 {
@@ -332,16 +334,17 @@ static void collada_add_positions(struct collada *c, const struct import_place *
 
 /* ---- faces ---- */
 
-/* How a list of corners is divided into triangles. */
+/* The division of a list of corners into triangles. */
 enum collada_shape { COLLADA_TRIANGLES, COLLADA_POLYGONS, COLLADA_STRIP, COLLADA_FAN };
 
-/* The corners of a primitive: how many numbers each has, and which of them is the position. */
+/* The corners of a primitive: the number of values per corner, and the index of the position among
+ * them. */
 struct collada_corners {
     enum collada_shape shape;
     int64_t stride, position;
     const xmlNode *vertices;
-    size_t positions; /* number of positions; limit of the indices */
-    int first;        /* the mesh's index of position 0 */
+    size_t positions; /* number of positions, the limit of the indices */
+    int first;        /* index of position 0 in the mesh */
     bool mirrored;    /* a mirroring pose swaps two corners, so that normals point outward */
 };
 
@@ -359,7 +362,7 @@ static void collada_read_inputs(const struct collada *c, const xmlNode *primitiv
             collada_refuse(c, input, "of a high offset, expected one below 64");
         }
 
-        /* Vertices are one input of several (normals, texture); each input takes a number of a
+        /* Vertices are one of several inputs (normals, texture); each input has one value per
          * corner */
         if (semantic && !strcmp(semantic, "VERTEX")) {
             corners->vertices = collada_follow(c, input, "source", "vertices");
@@ -409,8 +412,8 @@ static void collada_add_face(struct collada *c, const struct collada_corners *co
     }
 }
 
-/* Reads one list of corners. Shapes: triangles; polygons with their numbers of corners in sizes,
- * or one polygon if sizes is NULL; a strip; or a fan. */
+/* Reads one list of corners. The shape is triangles, polygons, a strip or a fan. For polygons,
+ * sizes has the numbers of corners; NULL means one polygon. */
 static void collada_read_list(struct collada *c, const struct collada_corners *corners,
                               const xmlNode *list, const char *sizes)
 {
@@ -421,7 +424,7 @@ static void collada_read_list(struct collada *c, const struct collada_corners *c
 
     collada_account(c, list, at);
     for (; !collada_failed(c); corner++) {
-        /* A polygon begins: read how many corners it has */
+        /* Start of a polygon: read its number of corners */
         if (sizes && corner == 0) {
             if (!collada_next_word(&sizes, word)) {
                 break;
@@ -434,8 +437,8 @@ static void collada_read_list(struct collada *c, const struct collada_corners *c
             break;
         }
 
-        /* The first two corners of a face wait for the third. Fans and polygons keep their first
-         * corner. Strips advance by one and reverse each second triangle */
+        /* Keep the first two corners of a face until the third. Fans and polygons keep their first
+         * corner. Strips advance by one, and reverse every second triangle */
         if (corner < 2) {
             p[corner] = next;
         } else {
@@ -447,7 +450,7 @@ static void collada_read_list(struct collada *c, const struct collada_corners *c
             }
             p[1] = p[2];
         }
-        /* The triangle or polygon is complete: begin the next one */
+        /* The triangle or polygon is complete: start the next one */
         if ((shape == COLLADA_TRIANGLES && corner == 2) || corner + 1 == size) {
             corner = -1;
         }
@@ -489,8 +492,8 @@ static void collada_read_primitive(struct collada *c, const xmlNode *primitive,
     }
 }
 
-/* Adds all faces of a <geometry> at its place to the mesh, with the colors of the
- * <instance_geometry>; while c->counting, only counts them. */
+/* Adds all faces of a <geometry>, at its place, to the mesh, with the colors of the
+ * <instance_geometry>. Only counts them if c->counting. */
 static void collada_read_geometry(struct collada *c, const xmlNode *geometry,
                                   const xmlNode *instance, const struct import_place *place)
 {
@@ -511,8 +514,8 @@ static void collada_read_geometry(struct collada *c, const xmlNode *geometry,
         return;
     }
 
-    /* Each primitive has its own positions; their indices start at the mesh's present end. A pose
-     * with a negative determinant mirrors */
+    /* The positions of each primitive are added at the end of the mesh. A pose with a negative
+     * determinant mirrors */
     vec3_cross(place->R, place->R + 3, normal);
     for (const xmlNode *part = xml_child(mesh, NULL); part; part = xml_next(part, NULL)) {
         for (size_t k = 0; k < ARRAY_COUNT(kinds) && !collada_failed(c); k++) {
@@ -532,7 +535,8 @@ static void collada_read_geometry(struct collada *c, const xmlNode *geometry,
 
 /* ---- nodes ---- */
 
-/* Applies a node's child to its pose if it is a transformation; skips other elements. */
+/* Applies a node's child to the node's pose if the child is a transformation. Ignores other
+ * elements. */
 static void collada_transform(const struct collada *c, const xmlNode *node,
                               struct import_place *place)
 {
@@ -545,8 +549,7 @@ static void collada_transform(const struct collada *c, const xmlNode *node,
     double v[16], length;
     size_t kind = 0;
 
-    /* Which transformation it is; lookat and skew are refused, anything else is no
-     * transformation */
+    /* Find the kind of transformation; refuse lookat and skew, ignore other elements */
     while (kind < ARRAY_COUNT(kinds) && !xml_is(node, kinds[kind].name)) {
         kind++;
     }
@@ -558,7 +561,7 @@ static void collada_transform(const struct collada *c, const xmlNode *node,
     }
     xml_parse_reals(&c->file, node, "value", xml_content(node), kinds[kind].count, v);
 
-    /* Its numbers as a matrix and a translation */
+    /* Read its numbers, and convert them to a matrix and a translation */
     import_place_identity(&own);
     switch (kind) {
     case 0:
@@ -599,7 +602,8 @@ static void collada_walk(struct collada *c, const xmlNode *node, struct import_p
          child = xml_next(child, NULL)) {
         const xmlNode *found;
 
-        /* Nodes and geometries, here or by reference; anything else may be a transformation */
+        /* Read nodes and geometries, directly or by reference; another element may be a
+         * transformation */
         collada_visit(c, child, false);
         if (xml_is(child, "node")) {
             collada_walk(c, child, place, depth + 1);
@@ -632,7 +636,7 @@ static void collada_read_scene(struct collada *c)
     struct import_place place = {0};
     double meter = 1.0;
 
-    /* The root's place is the scale of the file's unit alone */
+    /* The root's place only has the scale of the file's unit */
     if (unit) {
         xml_reals(&c->file, unit, "meter", 1, &meter);
     }
@@ -643,7 +647,7 @@ static void collada_read_scene(struct collada *c)
         place.R[4 * m] = meter;
     }
 
-    /* The scene that is instantiated, or the first of the library */
+    /* Read the instantiated scene, or the first one in the library */
     scene =
         scene ? collada_follow(c, scene, "url", "visual_scene") : collada_descend(root, to_first);
     if (!scene) {
@@ -675,7 +679,7 @@ void mesh_read_collada(struct mesh_reader *r)
     }
     xml_names_sort(&c.ids);
 
-    /* Counts first, allocates, and reads again */
+    /* Count, allocate, and read again */
     if (!collada_failed(&c)) {
         collada_read_scene(&c);
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Colors of meshes: the table of a mesh's colors, and the materials of an OBJ (MTL files). */
+/* Handles colors of meshes: the color table of a mesh, and the materials of an OBJ (MTL files). */
 #include "app/import/mesh_private.h"
 
 #include "base/input_file.h"
@@ -14,8 +14,8 @@
 enum {
     MTL_BYTES_MAX = 1 << 20,
     MATERIALS_MAX = 512,
-    LIBRARIES_MAX = 16,          /* MTL files that an OBJ may name */
-    MATERIAL_WORK_MAX = 1 << 24, /* names compared for one OBJ, at most */
+    LIBRARIES_MAX = 16,          /* largest number of MTL files of an OBJ */
+    MATERIAL_WORK_MAX = 1 << 24, /* largest number of name comparisons for an OBJ */
 };
 
 int mesh_find_tint(struct import_mesh *mesh, const double color[4])
@@ -49,7 +49,8 @@ int mesh_find_tint(struct import_mesh *mesh, const double color[4])
 
 /* ---- MTL ---- */
 
-/* Records, once, a missing part of a mesh's appearance: "without BEFORE "NAME"AFTER". */
+/* Records a missing part of a mesh's appearance, if it is the first: "without BEFORE
+ * "NAME"AFTER". */
 static void mesh_remark(struct mesh_reader *r, const char *before, const char *name,
                         const char *after)
 {
@@ -63,7 +64,8 @@ static void mesh_remark(struct mesh_reader *r, const char *before, const char *n
     }
 }
 
-/* Returns the material of that name, added if asked for and there is room; otherwise NULL. */
+/* Returns the material with this name. Adds a missing one if requested and if there is room, else
+ * returns NULL. */
 static struct mesh_material *mtl_find_material(struct mesh_reader *r, const char *name, bool add)
 {
     for (size_t i = 0; i < r->nmaterial && r->material_work < MATERIAL_WORK_MAX; i++) {
@@ -124,7 +126,7 @@ static void mesh_read_library(struct mesh_reader *r, const char *file)
     }
     r->libraries++;
 
-    /* A file in the OBJ's folder or below, nowhere else */
+    /* Only read a file in the OBJ's folder or below */
     snprintf(path, sizeof path, "%.*s%s", slash ? (int)(slash - r->name) + 1 : 0, r->name, file);
     if (file[0] == '/' || strstr(file, "..")) {
         mesh_remark(r, "its materials", file, ": expected a file beside it");

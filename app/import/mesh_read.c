@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads faces from STL and OBJ data, and has the functions common to all formats. */
+/* Reads faces from STL and OBJ data. Also has the functions common to all formats. */
 #include "app/import/mesh_private.h"
 
 #include "base/text.h"
@@ -11,7 +11,7 @@
 #include <string.h>
 #include <strings.h>
 
-/* A binary STL's header and facet, bytes. */
+/* Sizes of the header and of a facet in a binary STL, bytes. */
 enum { STL_HEADER = 80, STL_FACE = 50 };
 
 #define COORDINATE_MAX_M 1e6
@@ -156,7 +156,7 @@ bool mesh_read_numbers(struct mesh_reader *r, double value[3])
     return true;
 }
 
-/* Reads an ASCII STL: the corners of a facet are the vertices since the last one. */
+/* Reads an ASCII STL. The corners of a facet are the vertices since the last facet. */
 static void stl_read_text(struct mesh_reader *r)
 {
     struct mesh_reader counting = *r;
@@ -197,7 +197,7 @@ static void stl_read_text(struct mesh_reader *r)
 
 /* ---- OBJ ---- */
 
-/* Reads an OBJ; skips statements without shape, except those for materials. */
+/* Reads an OBJ. Skips statements that are neither shapes nor materials. */
 static void mesh_read_obj_lines(struct mesh_reader *r)
 {
     const struct obj_rules rules = {.max_vertices = 3 * (size_t)IMPORT_MESH_FACES_MAX,
@@ -222,7 +222,7 @@ static void mesh_read_obj_lines(struct mesh_reader *r)
 
 /* ---- the whole ---- */
 
-/* A vertex during sorting: its place, and its index before. */
+/* A vertex during sorting: its position, and its original index. */
 struct joined_vertex {
     const double *xyz;
     int index;
@@ -267,8 +267,8 @@ static void mesh_join_vertices(const struct mesh_reader *r)
         same[sorted[v].index] = again ? same[sorted[v - 1].index] : sorted[v].index;
     }
 
-    /* Keeps faces with three different corners and marks their vertices as used. The first of
-     * equal vertices has the lowest index, so none is overwritten before it is moved */
+    /* Keep faces with three different corners, and mark their vertices as used. The first of equal
+     * vertices has the lowest index, so no vertex is overwritten before it is moved */
     for (size_t f = 0; f < mesh->nface; f++) {
         int *face = mesh->face[f], corner[3];
 
@@ -297,7 +297,7 @@ static void mesh_join_vertices(const struct mesh_reader *r)
     mesh->nvertex = nvertex;
 }
 
-/* Reads the faces of a file unchanged, in the format of its name's extension. */
+/* Reads the faces of a file unchanged, in the format of its extension. */
 static void mesh_read_faces(struct mesh_reader *r)
 {
     const char *ending = strrchr(r->name, '.');
@@ -338,7 +338,7 @@ enum error_code import_parse_mesh(const char *name, bool is_file, const char *te
     *mesh = (struct import_mesh){0};
     error->code = ERROR_NONE;
 
-    /* Read the faces as they stand, then join the vertices that they share */
+    /* Read the faces as in the file, then join equal vertices */
     mesh_read_faces(&r);
     if (!error->code) {
         mesh_join_vertices(&r);
@@ -347,7 +347,7 @@ enum error_code import_parse_mesh(const char *name, bool is_file, const char *te
         error_set(error, ERROR_INPUT, "%.200s: found no face, expected a surface", name);
     }
 
-    /* A mirroring scale has turned the surface inside out: reverses all faces */
+    /* Reverse all faces if a mirroring scale has turned the surface inside out */
     for (size_t f = 0; f < mesh->nface && scale[0] * scale[1] * scale[2] < 0.0; f++) {
         int *face = mesh->face[f], second = face[1];
 

@@ -17,7 +17,7 @@ const xmlNode *mjcf_next(const struct import_reader *r, const char *section, con
     const xmlNode *in = after ? after->parent : xml_child(r->file->root, section), *node;
 
     node = after ? xml_next(after, element) : in ? xml_child(in, element) : NULL;
-    /* Sections with one name count as one: continues in the next one */
+    /* All sections with one name count as one, so continue in the next one */
     while (!node && in) {
         in = xml_next(in, section);
         node = in ? xml_child(in, element) : NULL;
@@ -27,7 +27,7 @@ const xmlNode *mjcf_next(const struct import_reader *r, const char *section, con
 
 /* ---- settings ---- */
 
-/* Reads one <compiler>; several ones add up. Adds notes on settings that are ignored. */
+/* Reads one <compiler> element; several ones add up. Adds notes on ignored settings. */
 static void mjcf_read_compiler(struct import_reader *r, const xmlNode *node)
 {
     static const char *const unused[] = {"settotalmass", "boundmass", "boundinertia",
@@ -57,7 +57,7 @@ static void mjcf_read_compiler(struct import_reader *r, const xmlNode *node)
     r->meshdir = folder ? folder : r->meshdir;
     memcpy(r->eulerseq, seq ? seq : r->eulerseq, sizeof r->eulerseq);
 
-    /* Where masses and inertias come from */
+    /* Read the source of masses and inertias */
     if (from) {
         r->from_geom = !strcmp(from, "true")    ? MJCF_INERTIA_OF_GEOMS
                        : !strcmp(from, "false") ? MJCF_INERTIA_OF_BODY
@@ -75,8 +75,8 @@ static void mjcf_read_compiler(struct import_reader *r, const xmlNode *node)
     }
 }
 
-/* Refuses an element that generates bodies or loads them from elsewhere, which only MuJoCo can
- * expand. Returns whether it is one. */
+/* Refuses an element that generates or loads bodies, which only MuJoCo can expand. Returns whether
+ * it is one. */
 static bool mjcf_refuse_unexpanded(const struct import_reader *r, const xmlNode *node)
 {
     static const char *const name[] = {"frame",     "replicate", "attach",
@@ -92,8 +92,8 @@ static bool mjcf_refuse_unexpanded(const struct import_reader *r, const xmlNode 
     return unexpanded;
 }
 
-/* Refuses constraints between bodies, which close loops. Constraints between joints, which make
- * one follow another, are left to mjcf_read_couplings. */
+/* Refuses constraints between bodies, because they close loops. mjcf_read_couplings handles
+ * constraints between joints, which make one joint follow another. */
 static void mjcf_check_equality(const struct import_reader *r, const xmlNode *equality)
 {
     for (const xmlNode *node = xml_child(equality, NULL); node; node = xml_next(node, NULL)) {
@@ -114,11 +114,11 @@ static void mjcf_check_equality(const struct import_reader *r, const xmlNode *eq
     }
 }
 
-/* Reads the top-level sections except bodies: reads compiler settings, refuses loops, adds notes
- * on unused sections. */
+/* Reads the top-level sections except bodies: reads compiler settings, refuses loops, and adds
+ * notes on unused sections. */
 static void mjcf_read_settings(struct import_reader *r)
 {
-    /* Sections that are read elsewhere, or have no meaning for the dynamics */
+    /* Sections that other functions read, or that have no effect on the dynamics */
     static const char *const known[] = {"asset",  "worldbody", "actuator", "keyframe",
                                         "visual", "sensor",    "default",  "statistic",
                                         "size",   "custom",    NULL};
@@ -134,8 +134,8 @@ static void mjcf_read_settings(struct import_reader *r)
     }
 }
 
-/* Finds the site of the first gyro or accelerometer, where the inertial sensor is; notes
- * sensors at other places as dropped. */
+/* Finds the site of the first gyro or accelerometer, which becomes the inertial sensor. Adds notes
+ * that sensors at other places are dropped. */
 static void mjcf_find_imu(struct import_reader *r)
 {
     for (const xmlNode *node = mjcf_next(r, "sensor", NULL, NULL); node;
@@ -190,7 +190,8 @@ static struct import_joint *mjcf_add_joint(const struct import_reader *r, const 
 }
 
 /* Reads axis, limits, damping, friction, spring and rotor inertia of a joint. In the file's pose
- * MuJoCo's angle is ref and ours is 0, so limits and the spring's rest are shifted by ref. */
+ * the joint has the angle ref in MuJoCo, but 0 here. So ref is subtracted from the limits and from
+ * the spring's rest. */
 static void mjcf_read_joint_numbers(const struct import_reader *r, const xmlNode *node,
                                     const char *childclass, struct import_joint *joint)
 {
@@ -217,7 +218,7 @@ static void mjcf_read_joint_numbers(const struct import_reader *r, const xmlNode
         xml_refuse(r->file, node, "found an axis of length %g, expected a direction", length);
     }
 
-    /* Limits apply if the file says so, or with autolimits if a range is given */
+    /* Limits apply if the file says so or, with autolimits, if it gives a range */
     *ref *= unit;
     joint->effort = fmax(fabs(force[0]), fabs(force[1]));
     joint->has_limit =
@@ -237,7 +238,7 @@ static void mjcf_read_joint_numbers(const struct import_reader *r, const xmlNode
     }
     joint->rest = joint->rest * unit - *ref;
 
-    /* Adds notes on different meanings */
+    /* Add notes where the meaning differs */
     if (*ref != 0.0) {
         reader_note(r, IMPORT_CHANGED, node,
                     "joint \"%.63s\" counts from the place in the file: MuJoCo's %g is 0",
@@ -272,16 +273,16 @@ static enum import_joint_type mjcf_read_joint_type(const struct import_reader *r
     return IMPORT_REVOLUTE;
 }
 
-/* A body during reading: the link to which its next joint is attached, and the pose of the body's
- * frame in that link. */
+/* A body during reading: the link for its next joint, and the pose of the body's frame in that
+ * link. */
 struct mjcf_body {
     const char *name, *childclass;
     const xmlNode *node;
-    int link, joints, left; /* joints read, and joints left */
+    int link, joints, left; /* number of joints read, and number left */
     struct import_place place;
 };
 
-/* Reads one joint of a body and adds a link of its own at the joint's anchor. */
+/* Reads one joint of a body, and adds a link at the joint's anchor. */
 static void mjcf_read_joint(struct import_reader *r, const xmlNode *node, struct mjcf_body *body)
 {
     const enum import_joint_type type = mjcf_read_joint_type(r, node, body->childclass);
@@ -295,23 +296,23 @@ static void mjcf_read_joint(struct import_reader *r, const xmlNode *node, struct
         mjcf_reals(r, node, body->childclass, "pos", 3, anchor.xyz);
     }
 
-    /* Adds the link: the last joint's link has the body's name, earlier ones get a number */
+    /* Add the link: the last joint's link has the name of the body, earlier ones have a number */
     body->left--;
     name = name ? reader_copy(r, name) : reader_format(r, "%.100s-%d", body->name, body->joints);
     link = mjcf_add_link(
         r, body->left == 0 ? body->name : reader_format(r, "%.100s-%d", body->name, body->joints),
         node);
 
-    /* The joint is at its anchor in the previous link; qpos counts MuJoCo's coordinates */
+    /* The joint is at its anchor in the previous link; qpos is the index in MuJoCo's coordinates */
     import_place_compose(&body->place, &anchor, &at);
     joint = mjcf_add_joint(r, name, node, type, body->link, link, &at);
     r->qpos[joint - r->model->joint] = r->qpos_count;
     r->qpos_count += type == IMPORT_FLOATING ? 7 : 1;
 
-    /* Relative to the new link, the body's frame is displaced by minus the anchor */
+    /* In the new link, the body's frame is displaced by minus the anchor */
     import_place_identity(&body->place);
     for (int m = 0; m < 3; m++) {
-        body->place.xyz[m] = 0.0 - anchor.xyz[m]; /* no -0 */
+        body->place.xyz[m] = 0.0 - anchor.xyz[m]; /* avoids -0 */
     }
     body->link = link;
     body->joints++;
@@ -322,11 +323,11 @@ static void mjcf_read_joint(struct import_reader *r, const xmlNode *node, struct
 
 /* ---- bodies ---- */
 
-/* Reads <inertial>: mass, center and one of two forms of inertia, into the link's frame. */
+/* Reads <inertial> into the link's frame: mass, center, and inertia in one of two forms. */
 static void mjcf_read_inertial(const struct import_reader *r, const xmlNode *node,
                                struct import_link *link)
 {
-    /* By xx, yy, zz, xy, xz, yz of the file: index in xx, xy, xz, yy, yz, zz */
+    /* From the file's xx, yy, zz, xy, xz, yz to the indices in xx, xy, xz, yy, yz, zz */
     static const int order[6] = {0, 3, 5, 1, 2, 4};
     struct robot_inertia inertia = {.mass = xml_need_real(r->file, node, "mass")};
     struct import_place place;
@@ -351,14 +352,15 @@ static void mjcf_read_inertial(const struct import_reader *r, const xmlNode *nod
     }
 }
 
-/* Reads inertia and geoms of a body into its link, and the site that is the inertial sensor. */
+/* Reads inertia and geoms of a body into its link, and the site of the inertial sensor. */
 static void mjcf_read_matter(const struct import_reader *r, const xmlNode *node,
                              const char *childclass, int at)
 {
     struct import_model *model = r->model;
     struct import_link *link = &model->link[at];
     const xmlNode *inertial = xml_child(node, "inertial");
-    /* inertiafromgeom; a body with <inertial> and no geom keeps its own inertia */
+    /* inertiafromgeom applies, but a body with <inertial> and without geoms keeps its own
+     * inertia */
     const bool of_geoms = r->from_geom == MJCF_INERTIA_OF_GEOMS
                               ? !inertial || xml_child(node, "geom")
                               : r->from_geom == MJCF_INERTIA_AUTO && !inertial;
@@ -398,7 +400,7 @@ static void mjcf_read_children(struct import_reader *r, const xmlNode *node, int
     }
 }
 
-/* Adds a fixed link at the body's own frame, unless the link of its last joint is there already. */
+/* Adds a fixed link at the body's frame, unless its last joint's link is there already. */
 static void mjcf_end_body(const struct import_reader *r, struct mjcf_body *body)
 {
     static const double here[3];
@@ -414,8 +416,8 @@ static void mjcf_end_body(const struct import_reader *r, struct mjcf_body *body)
     body->link = link;
 }
 
-/* Reads a body: the chain of links that its joints make, its inertia and geoms, then the bodies
- * in it. */
+/* Reads a body: the chain of links from its joints, its inertia and geoms, then its child
+ * bodies. */
 static void mjcf_read_body(struct import_reader *r, const xmlNode *node, int parent,
                            const char *childclass, int depth)
 {
@@ -428,7 +430,7 @@ static void mjcf_read_body(struct import_reader *r, const xmlNode *node, int par
         return;
     }
 
-    /* A body without a name is named by its line, or by the number of links in an included file */
+    /* Name an unnamed body by its line or, in an included file, by the number of links */
     if (name) {
         body.name = reader_copy(r, name);
     } else if (xml_name(r->file, node) == r->file->name) {
@@ -499,7 +501,7 @@ enum error_code mjcf_read(const struct xml_file *file, const struct import_packa
     *model = (struct import_model){.file = reader_copy(&r, file->name),
                                    .name = reader_copy(&r, *name ? name : "robot")};
 
-    /* Includes first, so that all that follows sees one document */
+    /* Expand includes first, so that the other steps read one document */
     mjcf_expand_includes(&r);
     xml_check_elements(file);
     world = xml_child(file->root, "worldbody");
@@ -508,8 +510,7 @@ enum error_code mjcf_read(const struct xml_file *file, const struct import_packa
         return error->code;
     }
 
-    /* Settings and classes are needed by the bodies, bodies by actuators, couplings and
-     * keyframes */
+    /* Bodies need settings and classes; actuators, couplings and keyframes need bodies */
     mjcf_read_settings(&r);
     mjcf_index(&r);
     mjcf_make_room(&r);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads MJCF geoms, as shapes and as the mass and inertia of bodies. */
+/* Reads MJCF geoms, both as shapes and as mass and inertia of bodies. */
 #include "app/import/readers_private.h"
 
 #include "base/array.h"
@@ -10,8 +10,8 @@
 
 #define DENSITY 1000.0 /* kg/m3, MuJoCo's default */
 
-/* A solid of density 1: volume, m3, and inertia, m5, about its center of mass, which is the origin
- * except for meshes. */
+/* A solid of density 1: its volume, m3, its center of mass (the origin except for meshes), and its
+ * inertia about the center of mass, m5. */
 struct geom_solid {
     double volume, center[3], I[6];
 };
@@ -65,7 +65,7 @@ static void solid_take_mesh(const struct import_reader *r, const struct import_g
     } else if (import_find_mesh(r->model, g, r->packages, path, r->error) == IMPORT_PATH_FOUND &&
                !arena_init(&scratch, IMPORT_MESH_ARENA, &why) &&
                !import_read_mesh(path, g->scale, &scratch, &mesh, &why)) {
-        /* The mesh is needed only for its integrals, so its memory is freed immediately */
+        /* The mesh is only needed for its integrals, so free its memory immediately */
         solid->volume = import_measure_mesh(&mesh, g->exact, solid->center, solid->I);
     }
     if (why.code) {
@@ -102,7 +102,7 @@ static void geom_measure(const struct import_reader *r, const struct import_geom
     }
 }
 
-/* Adds a geom's mass and inertia to a body that gets its inertia from geoms. */
+/* Adds a geom's mass and inertia to a body whose inertia comes from geoms. */
 static void geom_add_inertia(const struct import_reader *r, const xmlNode *node,
                              const char *childclass, const struct import_geometry *g,
                              struct robot_inertia *inertia)
@@ -113,7 +113,7 @@ static void geom_add_inertia(const struct import_reader *r, const xmlNode *node,
     struct robot_inertia own = {0};
     struct geom_solid solid;
 
-    /* Geoms outside inertiagrouprange and those without mass add nothing */
+    /* Skip geoms outside inertiagrouprange and geoms without mass */
     mjcf_reals(r, node, childclass, "density", 1, &density);
     mjcf_reals(r, node, childclass, "group", 1, &group);
     if (group < r->groups[0] || group > r->groups[1] || (by_mass ? mass == 0.0 : density == 0.0)) {
@@ -138,7 +138,7 @@ static void geom_add_inertia(const struct import_reader *r, const xmlNode *node,
             g->mesh, own.mass);
     }
 
-    /* Scale the solid of density 1 to the mass, and move it to the geom's place */
+    /* Scale the solid of density 1 to the mass, and move it to the geom's pose */
     memcpy(own.com, solid.center, sizeof own.com);
     for (int i = 0; i < 6; i++) {
         own.I[i] = solid.I[i] * own.mass / solid.volume;
@@ -146,8 +146,7 @@ static void geom_add_inertia(const struct import_reader *r, const xmlNode *node,
     import_add_inertia(inertia, &own, &g->place);
 }
 
-/* Finds the mesh that a geom names: its file, below meshdir unless the path is absolute, and its
- * scale. */
+/* Finds the mesh of a geom: its file, below meshdir unless the path is absolute, and its scale. */
 static void geom_read_mesh(const struct import_reader *r, const xmlNode *node,
                            const char *childclass, struct import_geometry *g)
 {
@@ -167,7 +166,7 @@ static void geom_read_mesh(const struct import_reader *r, const xmlNode *node,
                    "found refpos or refquat of a mesh, expected it where its file has it: move the "
                    "geom instead");
     }
-    /* MuJoCo 3 says by mesh how it weighs */
+    /* In MuJoCo 3, the mesh gives the method for its inertia */
     how = reader_text(mesh->node, "inertia");
     g->exact = *how ? !strcmp(how, "exact") : r->exact_meshes;
     if (!strcmp(how, "convex") || !strcmp(how, "shell")) {
@@ -182,8 +181,8 @@ static void geom_read_mesh(const struct import_reader *r, const xmlNode *node,
     mjcf_reals(r, mesh->node, NULL, "scale", 3, g->scale);
 }
 
-/* Reads the shape of a geom; returns false, with a note, for planes and other shapes that robots
- * here lack. */
+/* Reads the shape of a geom. Returns false, with a note, for planes and other shapes that robot
+ * files do not have. */
 static bool geom_read_type(const struct import_reader *r, const xmlNode *node,
                            const char *childclass, struct import_geometry *g)
 {
@@ -209,7 +208,7 @@ static bool geom_read_type(const struct import_reader *r, const xmlNode *node,
     return i < ARRAY_COUNT(words);
 }
 
-/* Reads the dimensions of a geom, by size or by the ends fromto. */
+/* Reads the dimensions of a geom from size, or from the ends in fromto. */
 static void geom_read_size(const struct import_reader *r, const xmlNode *node,
                            const char *childclass, struct import_geometry *g)
 {
@@ -219,8 +218,8 @@ static void geom_read_size(const struct import_reader *r, const xmlNode *node,
 
     mjcf_some_reals(r, node, childclass, "size", 3, size);
     if (g->shape != IMPORT_SPHERE && mjcf_reals(r, node, childclass, "fromto", 6, ends)) {
-        /* From one end to the other: place the geom in the middle, with z along it. One size is
-         * given, the other ones across are the same */
+        /* Put the geom halfway between the ends, with z from one end to the other. size gives the
+         * half width, the same in x and y */
         vec3_sub(ends, ends + 3, along);
         for (int m = 0; m < 3; m++) {
             g->place.xyz[m] = 0.5 * (ends[m] + ends[3 + m]);
@@ -243,8 +242,8 @@ static void geom_read_size(const struct import_reader *r, const xmlNode *node,
     }
 }
 
-/* Reads the color of a geom, by its rgba or its material, and whether MuJoCo's viewer shows it: it
- * shows groups 0 to 2. Colors in the file of a mesh do not count. */
+/* Reads the color of a geom from its rgba or its material. Reads whether MuJoCo's viewer shows it,
+ * which shows groups 0 to 2. Ignores colors in the mesh file. */
 static void geom_read_looks(const struct import_reader *r, const xmlNode *node,
                             const char *childclass, struct import_geometry *g)
 {
@@ -277,10 +276,10 @@ void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, const ch
     mjcf_reals(r, node, childclass, "contype", 1, &type);
     mjcf_reals(r, node, childclass, "conaffinity", 1, &affinity);
     if (!geom_read_type(r, node, childclass, &g)) {
-        return; /* planes and height fields have no mass in MuJoCo either */
+        return; /* planes and height fields have no mass in MuJoCo */
     }
 
-    /* Dimensions first, because mass and inertia depend on them */
+    /* Read dimensions first, because mass and inertia depend on them */
     if (g.shape == IMPORT_MESH) {
         geom_read_mesh(r, node, childclass, &g);
     } else {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * MJCF: <include>. Before anything is read, each one is replaced by the content of the root of its
- * file. A name is relative to the including file, or else to the main file. Each file is included
- * once, so that none can include itself, and the total size is limited.
+ * Expands MJCF <include> elements before other steps. It replaces each one by the content of its
+ * file's root. A file name is relative to the including file, else to the main file. Each file is
+ * included only once, so a file cannot include itself. The total size is limited.
  */
 #include "app/import/readers_private.h"
 #include "app/import/path.h"
@@ -13,7 +13,7 @@
 
 enum { INCLUDES_MAX = 256, INCLUDE_DEPTH_MAX = 16 };
 
-/* Expansion under way. */
+/* A running expansion. */
 struct includer {
     const struct import_reader *reader;
     char inside[PATH_MAX]; /* folder of the main file */
@@ -21,8 +21,8 @@ struct includer {
     size_t nseen, bytes;
 };
 
-/* Finds the path of the file that an <include> names, in the folder of the including file, else,
- * like MuJoCo, in the folder of the main file. */
+/* Finds the path of an included file: in the folder of the including file, else, like MuJoCo, in
+ * the folder of the main file. */
 static bool include_find(const struct includer *in, const struct xml_file *file,
                          const xmlNode *node, const char *folder, char path[PATH_MAX])
 {
@@ -46,7 +46,8 @@ static bool include_find(const struct includer *in, const struct xml_file *file,
     return where == IMPORT_PATH_FOUND;
 }
 
-/* Records a file as read; refuses one that was read before, by its path without symbolic links. */
+/* Records a file as read. Refuses a file that was read before, by its path without symbolic
+ * links. */
 static void include_note(struct includer *in, const struct xml_file *file, const xmlNode *node,
                          const char *path)
 {
@@ -71,11 +72,11 @@ static void include_note(struct includer *in, const struct xml_file *file, const
     in->seen[in->nseen++] = reader_copy(in->reader, real);
 }
 
-/* Expands the includes among the children of an element and below them. */
+/* Expands the includes among the descendants of an element. */
 static void include_expand(struct includer *in, const struct xml_file *file, const char *folder,
                            xmlNode *parent, int depth);
 
-/* Replaces an <include> by the content of its file, whose own includes are expanded first. */
+/* Replaces an <include> by the content of its file, after the includes in that file. */
 static void include_replace(struct includer *in, const struct xml_file *file, const char *folder,
                             xmlNode *node, int depth)
 {
@@ -95,7 +96,7 @@ static void include_replace(struct includer *in, const struct xml_file *file, co
         return;
     }
 
-    /* Many small includes could still make a huge document */
+    /* Limit the total size, because many small includes could make a huge document */
     in->bytes += other.size;
     if (in->bytes > XML_FILE_MAX) {
         xml_refuse(file, node, "found %zu bytes in all files, expected at most %d", in->bytes,
@@ -103,7 +104,7 @@ static void include_replace(struct includer *in, const struct xml_file *file, co
     } else if (!import_find_folder(path, beside)) {
         error_set_file(r->error, errno, path, "cannot be read");
     } else {
-        /* Its own includes first, so that what is inserted has none left */
+        /* Expand the file's own includes first, so that none is inserted */
         include_expand(in, &other, beside, other.root, depth + 1);
         xml_insert_file(file, node, &other);
     }

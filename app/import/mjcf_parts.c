@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Indexes default classes, meshes and materials; reads places, actuators, couplings and
+/* Indexes default classes, meshes and materials. Reads places, actuators, couplings and
  * keyframes. */
 #include "app/import/readers_private.h"
 
@@ -14,7 +14,8 @@ enum { MJCF_DEFAULTS_MAX = 2048, MJCF_CLASSES_DEEP = 32 };
 
 /* ---- default classes ---- */
 
-/* Adds a class and its inner classes; the outermost one may have no name, which means "main". */
+/* Adds a class and its inner classes. The outermost class may have no name, and is then called
+ * "main". */
 static void mjcf_add_classes(struct import_reader *r, const xmlNode *node, const char *above)
 {
     const char *own = xml_attribute(node, "class");
@@ -27,7 +28,7 @@ static void mjcf_add_classes(struct import_reader *r, const xmlNode *node, const
     }
 }
 
-/* Lists a mesh by its name; the default name is the file name up to the last ".". */
+/* Lists a mesh by its name. The default name is the file name up to the last ".". */
 static void mjcf_add_mesh(struct import_reader *r, const xmlNode *mesh)
 {
     const char *name = xml_attribute(mesh, "name"), *file = xml_attribute(mesh, "file");
@@ -82,7 +83,7 @@ const char *mjcf_attribute(const struct import_reader *r, const xmlNode *node,
     for (int depth = 0; !text && own && depth < MJCF_CLASSES_DEEP; depth++) {
         const struct xml_name *class = xml_names_find(&r->classes, own, NULL);
 
-        /* Several elements may define a class: the last one that has the attribute counts */
+        /* Several elements may define a class; the last one that has the attribute counts */
         for (const struct xml_name *at = class; class && at < end && !strcmp(at->name, own); at++) {
             const xmlNode *element = xml_child(at->node, (const char *)node->name);
             const char *found = element ? xml_attribute(element, name) : NULL;
@@ -124,8 +125,8 @@ void mjcf_some_reals(const struct import_reader *r, const xmlNode *node, const c
 
 /* ---- places ---- */
 
-/* Turns R about an axis of the sequence: small letters turn about the moved axes, MuJoCo's capital
- * letters about the fixed ones. */
+/* Rotates R about one axis of the sequence. Small letters mean rotated axes, capital letters mean
+ * fixed axes, as in MuJoCo. */
 static void euler_turn(char letter, double angle, double R[9])
 {
     const double axis[3] = {tolower(letter) == 'x', tolower(letter) == 'y', tolower(letter) == 'z'};
@@ -140,7 +141,7 @@ static void euler_turn(char letter, double angle, double R[9])
     memcpy(R, product, sizeof product);
 }
 
-/* Computes the rotation with two axes as first columns; the second is made orthogonal to the
+/* Computes a rotation whose first columns are two axes. The second axis is made orthogonal to the
  * first. Returns false if they are parallel. */
 static bool axes_to_rotation(const double axes[6], double R[9])
 {
@@ -179,7 +180,8 @@ void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const c
     double value[6];
     bool sound = true;
 
-    /* MuJoCo uses the first of these that is given; values that are no rotations are refused */
+    /* Use the first attribute that is given, as MuJoCo does; refuse values that are not
+     * rotations */
     import_place_identity(place);
     mjcf_reals(r, node, childclass, "pos", 3, place->xyz);
     if (mjcf_reals(r, node, childclass, "quat", 4, value)) {
@@ -210,7 +212,7 @@ void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const c
 
 /* ---- actuators and poses ---- */
 
-/* Returns the larger magnitude of a range that limits an actuator; 0 = no limit. */
+/* Returns the larger magnitude of an actuator's range; 0 = no limit. */
 static double actuator_limit(const struct import_reader *r, const xmlNode *node, const char *range,
                              const char *limited)
 {
@@ -242,7 +244,8 @@ void mjcf_read_actuators(const struct import_reader *r)
             continue;
         }
 
-        /* The gear converts the actuator's force to the joint's; for a motor, control is force */
+        /* The gear converts the actuator's force to the joint's force; for a motor, control is
+         * force */
         mjcf_some_reals(r, node, NULL, "gear", 6, gear);
         most = actuator_limit(r, node, "forcerange", "forcelimited");
         if (most == 0.0 && xml_is(node, "motor")) {
@@ -255,7 +258,7 @@ void mjcf_read_actuators(const struct import_reader *r)
                         name);
         }
 
-        /* Forces of several actuators add up; one without a limit leaves the sum without one */
+        /* Forces of several actuators add up; if one has no limit, the sum has none */
         model->joint[joint].driven = true;
         sum[joint] += most > 0.0 ? most * fabs(gear[0]) : (double)INFINITY;
     }
@@ -269,7 +272,7 @@ void mjcf_read_actuators(const struct import_reader *r)
     }
 }
 
-/* Returns the joint that an attribute of an equality names, NULL when the attribute is missing. */
+/* Returns the joint in an attribute of an equality; NULL if the attribute is missing. */
 static struct import_joint *mjcf_find_coupled(const struct import_reader *r, const xmlNode *node,
                                               const char *attribute)
 {
@@ -283,8 +286,8 @@ static struct import_joint *mjcf_find_coupled(const struct import_reader *r, con
     return joint < 0 ? NULL : &r->model->joint[joint];
 }
 
-/* Couples two joints: the follower follows the leader, as in the file. If the first is driven or
- * already follows another joint, and the polynomial is a line, the roles are swapped. */
+/* Makes a joint follow another one, as in the file. Swaps the roles if the first joint is driven or
+ * already a follower, and the polynomial is linear. */
 static void mjcf_couple(const struct import_reader *r, const xmlNode *node,
                         struct import_joint *follower, struct import_joint *leader,
                         const double polynomial[5])
@@ -292,7 +295,7 @@ static void mjcf_couple(const struct import_reader *r, const xmlNode *node,
     const bool bends = polynomial[2] != 0.0 || polynomial[3] != 0.0 || polynomial[4] != 0.0;
     double multiplier = polynomial[1], offset = polynomial[0];
 
-    /* Swap the two: y = a + b x becomes x = -a/b + y/b */
+    /* Swap the roles: y = a + b x becomes x = -a/b + y/b */
     if (!bends && multiplier != 0.0 && !leader->mimic && !leader->driven &&
         (follower->driven || follower->mimic)) {
         struct import_joint *other = follower;
@@ -337,7 +340,7 @@ void mjcf_read_couplings(const struct import_reader *r)
         } else if (second) {
             mjcf_couple(r, node, first, second, polynomial);
         } else {
-            /* Without a second joint, the first is held at the constant: an empty range */
+            /* Without a second joint, the first joint is fixed at the constant: an empty range */
             first->type = first->type == IMPORT_CONTINUOUS ? IMPORT_REVOLUTE : first->type;
             first->has_limit = true;
             first->lower = first->upper = polynomial[0];
@@ -345,7 +348,7 @@ void mjcf_read_couplings(const struct import_reader *r)
     }
 }
 
-/* Reads a keyframe: the positions of all joints out of MuJoCo's qpos, counted from their ref. */
+/* Reads a keyframe: the positions of all joints from MuJoCo's qpos, relative to ref. */
 static void mjcf_read_key(const struct import_reader *r, const xmlNode *node)
 {
     struct import_model *model = r->model;
@@ -361,7 +364,8 @@ static void mjcf_read_key(const struct import_reader *r, const xmlNode *node)
         return;
     }
 
-    /* Fixed joints have no coordinate; the free one's seven belong to the base */
+    /* Fixed joints have no coordinate; the seven coordinates of the free joint belong to the
+     * base */
     xml_parse_reals(r->file, node, "qpos", text, (size_t)r->qpos_count, qpos);
     for (size_t j = 0; j < model->njoint; j++) {
         const struct import_joint *joint = &model->joint[j];

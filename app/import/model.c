@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Handles notes, places and inertias of what is imported. */
+/* Handles notes, places and inertias of imported models. */
 #include "app/import/model.h"
 
 #include "base/portable_math.h"
@@ -101,9 +101,9 @@ void import_rpy(const double R[9], double rpy[3])
 {
     double cp = hypot(R[0], R[3]), sr, cr;
 
-    /* R = Rz(yaw) Ry(pitch) Rx(roll). Near a right angle of pitch only the sum or difference of
-     * roll and yaw counts, so roll is 0 there and yaw is what remains: the middle column of R
-     * Rx(-roll) is [-sin yaw, cos yaw, 0] whatever the pitch */
+    /* R = Rz(yaw) Ry(pitch) Rx(roll). Near a pitch of 90 degrees only the sum or the difference of
+     * roll and yaw is defined, so roll is 0 there. Yaw follows from the middle column of R
+     * Rx(-roll), which is [-sin yaw, cos yaw, 0] for any pitch */
     rpy[1] = portable_atan2(-R[6], cp);
     rpy[0] = cp > 1e-12 ? portable_atan2(R[7], R[8]) : 0.0;
     sr = portable_sin(rpy[0]);
@@ -153,7 +153,7 @@ void import_add_inertia(struct robot_inertia *body, const struct robot_inertia *
     struct robot_inertia sum = {.mass = body->mass + part->mass};
     double at[3], I[6], apart[3];
 
-    /* Turn the part into the body's frame */
+    /* Rotate the part into the body's frame */
     mat3_apply(place->R, part->com, at);
     memcpy(I, part->I, sizeof I);
     if (!mat3_is_identity(place->R)) {

@@ -2,8 +2,8 @@
 /*
  * A robot as in a foreign file of any format: links, joints, geometry, sensors and poses in file
  * order, each with file and line. Nothing is merged or checked yet; app/import/tree_simplify.h
- * makes a robot of it. SI units, angles in rad; a place is the pose of the child in the parent. The
- * arena of the reading owns the memory; names are as in the file. Not RT-safe.
+ * makes a robot from the model. SI units, angles in rad. A place is the pose of a child in its
+ * parent. The arena of the reader owns the memory. Names are as in the file. Not RT-safe.
  */
 #ifndef APP_IMPORT_MODEL_H
 #define APP_IMPORT_MODEL_H
@@ -42,7 +42,7 @@ enum import_shape {
     IMPORT_MESH
 };
 
-/* A shape for collision, for appearance, or for both. */
+/* A shape for collision, for visuals, or for both. */
 struct import_geometry {
     const char *file;
     int line;
@@ -53,10 +53,10 @@ struct import_geometry {
     double half[3];        /* half edge lengths of a box, semi-axes of an ellipsoid, m */
     const char *mesh;      /* file name of the mesh, as in the robot file */
     double scale[3];
-    bool exact;                /* the mesh weighs by signed volumes: import_measure_mesh */
-    struct import_place place; /* in the link */
+    bool exact; /* compute the inertia from signed volumes, see import_measure_mesh */
+    struct import_place place; /* pose in the link */
     bool colored;              /* the file gives a color */
-    bool repaints;             /* ... which overrides the mesh's own colors */
+    bool repaints;             /* the file's color overrides the colors of the mesh */
     double color[4];           /* sRGB and opacity, 0 to 1 */
 };
 
@@ -75,20 +75,20 @@ struct import_joint {
     const char *parent, *child;
     int parent_link, child_link; /* indices, set after the whole file is read */
     struct import_place place;
-    double axis[3]; /* any length but 0, in the child's frame */
+    double axis[3]; /* in the child's frame; length not 0 */
     bool has_limit; /* lower and upper are given */
     double lower, upper;
     double effort, velocity; /* 0 = not given */
     double damping, friction;
-    double stiffness, rest; /* of a spring, and its relaxed position */
+    double stiffness, rest; /* stiffness of a spring, and its relaxed position */
     double armature;        /* reflected inertia of the rotor, kg m2; 0 = not given */
     double gear;            /* rotor turns per link turn; 0 = not given */
     const char *mimic;      /* name of the leader, or NULL */
     const char *mimic_file;
     int mimic_line;
     double multiplier, offset; /* position = multiplier times the leader's position + offset */
-    bool bends;                /* it follows by a polynomial of higher order */
-    bool driven;               /* the file has an actuator for it */
+    bool bends;                /* follows by a polynomial of higher order */
+    bool driven;               /* an actuator of the file drives the joint */
 };
 
 enum import_sensor_kind { IMPORT_FT, IMPORT_IMU };
@@ -97,8 +97,8 @@ struct import_sensor {
     enum import_sensor_kind kind;
     const char *name, *file;
     int line;
-    const char *joint; /* of a force-torque sensor */
-    const char *link;  /* of an inertial sensor */
+    const char *joint; /* joint of a force-torque sensor */
+    const char *link;  /* link of an inertial sensor */
     struct import_place place;
 };
 
@@ -116,15 +116,15 @@ struct import_pose {
     size_t nvalue;
 };
 
-/* How the robot differs from a part of the file. */
+/* The kind of difference between the robot and the file. */
 enum import_fate {
-    IMPORT_DROPPED, /* read and ignored */
+    IMPORT_DROPPED, /* read, but ignored */
     IMPORT_MERGED,  /* merged into another body, without loss */
     IMPORT_CHANGED, /* used in a different form */
     IMPORT_ASSUMED, /* not in the file: chosen by a rule */
-    IMPORT_MISSING, /* a mesh that does not exist or cannot be read */
-    IMPORT_SHAPED,  /* a collision shape replaced by a capsule */
-    IMPORT_DOUBTED, /* used as in the file, but probably not intended */
+    IMPORT_MISSING, /* mesh missing or unreadable */
+    IMPORT_SHAPED,  /* collision shape replaced by a capsule */
+    IMPORT_DOUBTED, /* used as in the file, but probably a mistake */
     IMPORT_FATES,
 };
 
@@ -132,7 +132,7 @@ enum import_fate {
 struct import_note {
     enum import_fate fate;
     const char *file;
-    int line; /* 0 = no particular line */
+    int line; /* 0 = no line */
     const char *text;
 };
 
@@ -155,24 +155,23 @@ struct import_model {
     size_t nsensor;
     struct import_pose *pose;
     size_t npose;
-    bool actuated, drives_others; /* actuators drive joints; they drive other things, as tendons */
-    bool floating_base;           /* an SRDF says that the base floats */
-    bool fixed_base;              /* ... or that it is fixed */
+    bool actuated, drives_others; /* actuators drive joints; or other parts */
+    bool floating_base;           /* the SRDF says that the base floats */
+    bool fixed_base;              /* the SRDF says that the base is fixed */
 };
 
-/* Adds a note; file and the text's arguments need not outlive the call. */
+/* Adds a note. The caller may free file and the text's arguments after the call. */
 void import_note_add(struct import_notes *notes, enum import_fate fate, const char *file, int line,
                      const char *format, ...) __attribute__((format(printf, 5, 6)));
 
-/* Returns the array with room for one more element: itself, or a copy of twice the capacity. NULL =
- * no memory; then array and capacity stay. */
+/* Returns an array with room for one more element: the same array, or a copy with twice the
+ * capacity. Without memory returns NULL; array and capacity then stay unchanged. */
 void *import_grow(struct arena *arena, void *array, size_t count, size_t *capacity, size_t size);
 
-/* Returns the text of an error for a note at that place: without a leading "file:line: ". */
+/* Returns the text of an error without a leading "file:line: ", for a note at that place. */
 const char *import_reason(const char *file, int line, const char *text);
 
-/* Reports an error "file:line: ..." unless *error holds one already: the first error stays. Returns
- * the code of *error. */
+/* Sets an error "file:line: ..." unless *error already has one. Returns the code of *error. */
 enum error_code import_error(struct error *error, const char *file, int line, const char *format,
                              ...) __attribute__((format(printf, 4, 5)));
 
@@ -181,15 +180,15 @@ void import_place_compose(const struct import_place *a, const struct import_plac
                           struct import_place *out);
 void import_place_identity(struct import_place *place);
 
-/* Computes fixed-axis roll, pitch and yaw of a rotation, rad; accurate also near a pitch of 90
- * degrees. */
+/* Computes fixed-axis roll, pitch and yaw of a rotation, rad. It is accurate also near a pitch of
+ * 90 degrees. */
 void import_rpy(const double R[9], double rpy[3]);
 
-/* Return the index of a name, or -1. */
+/* Return the index of the link or joint with this name, or -1. */
 int import_find_link(const struct import_model *model, const char *name);
 int import_find_joint(const struct import_model *model, const char *name);
 
-/* Adds the mass, center and inertia of a part with a pose to a body. */
+/* Adds mass, center of mass and inertia of a part, which has this pose in the body, to the body. */
 void import_add_inertia(struct robot_inertia *body, const struct robot_inertia *part,
                         const struct import_place *place);
 

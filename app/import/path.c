@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Resolves names of files and keeps them within a folder. */
+/* Resolves file names and keeps them within a folder. */
 #include "app/import/path.h"
 
 #include <stdio.h>
@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* Checks whether a relative name leaves its folder on the way: "a/../../b" does, "a/../b" does
+/* Checks whether a relative name leaves its folder at some point: "a/../../b" does, "a/../b" does
  * not. */
 static bool path_climbs(const char *name)
 {
@@ -26,7 +26,7 @@ static bool path_climbs(const char *name)
     return depth < 0;
 }
 
-/* Returns the rest of an absolute path below a folder; NULL when it is not below. */
+/* Returns the rest of an absolute path below a folder; NULL if the path is not below the folder. */
 static const char *path_below(const char *folder, const char *path)
 {
     size_t length = strlen(folder);
@@ -52,7 +52,7 @@ enum import_path import_resolve_path(const char *inside, const char *from, const
     char real[PATH_MAX];
     struct stat status;
 
-    /* Checks the name first, so that errors reveal nothing about files outside */
+    /* Check the name first, so that errors reveal nothing about files outside */
     if (!trust && (!rest || path_climbs(rest))) {
         return IMPORT_PATH_OUTSIDE;
     }
@@ -60,7 +60,7 @@ enum import_path import_resolve_path(const char *inside, const char *from, const
         return IMPORT_PATH_MISSING;
     }
 
-    /* Then checks the target of symbolic links */
+    /* Then check the target of symbolic links */
     if (!trust && !path_below(inside, real)) {
         return IMPORT_PATH_OUTSIDE;
     }

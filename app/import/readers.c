@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Handles what all readers of robot files have in common. */
+/* Functions common to all readers of robot files. */
 #include "app/import/readers_private.h"
 
 #include <stdarg.h>
@@ -76,7 +76,7 @@ void reader_check_names(const struct import_reader *r, const char *what)
 {
     const struct import_model *model = r->model;
 
-    /* The search finds the first one with a name, so another index is a duplicate */
+    /* The search finds the first entry with a name, so another index means a duplicate */
     for (size_t i = 0; i < model->nlink; i++) {
         const struct import_link *link = &model->link[i];
         const int first = import_find_link(model, link->name);

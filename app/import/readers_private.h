@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Declarations shared by the readers of robot files. A reader goes on after an error: the first
- * error stays in *error, and the model is then not used. Not RT-safe.
+ * Declarations shared by the readers of robot files. A reader continues after an error, keeps the
+ * first error in *error, and its model is then not used. Not RT-safe.
  */
 #ifndef APP_IMPORT_READERS_PRIVATE_H
 #define APP_IMPORT_READERS_PRIVATE_H
@@ -10,29 +10,30 @@
 
 enum { MJCF_DEPTH_MAX = 200 };
 
-/* Source of a body's inertia: <inertial>, else its geoms (auto); or always one of the two. */
+/* Source of a body's inertia. Auto: <inertial>, else its geoms. The others always use one of
+ * them. */
 enum mjcf_inertia { MJCF_INERTIA_AUTO, MJCF_INERTIA_OF_BODY, MJCF_INERTIA_OF_GEOMS };
 
 /* A robot file during reading. */
 struct import_reader {
     const struct xml_file *file;
-    const struct import_packages *packages; /* NULL: no other file may be read */
+    const struct import_packages *packages; /* NULL = no other file may be read */
     struct arena *arena;
     struct import_model *model;
     struct import_notes *notes;
     struct error *error;
-    struct xml_names materials; /* that have a color */
+    struct xml_names materials; /* materials with a color */
 
-    /* Global settings of an MJCF */
+    /* Settings and lists of an MJCF */
     struct xml_names classes, meshes;
-    double angle; /* rad per unit of angle in the file */
+    double angle; /* rad per angle unit of the file */
     char eulerseq[4];
     bool autolimits, exact_meshes;
     enum mjcf_inertia from_geom;
-    double groups[2];    /* range of geom groups that count for inertia */
+    double groups[2];    /* range of geom groups that add to inertia */
     const char *meshdir; /* "" = the file's folder */
     const char *imu_site, *imu_name;
-    double *ref;    /* by joint: MuJoCo's position in the file's pose */
+    double *ref;    /* by joint: MuJoCo's position in the pose of the file */
     int *qpos;      /* by joint: index of its first coordinate in qpos */
     int qpos_count; /* number of coordinates of the joints read so far */
 };
@@ -41,25 +42,25 @@ struct import_reader {
 void reader_note(const struct import_reader *r, enum import_fate fate, const xmlNode *node,
                  const char *format, ...) __attribute__((format(printf, 4, 5)));
 
-/* Returns memory of the arena, or a copy of a text in it; NULL or "" with an error. */
+/* Returns memory from the arena, or a copy of a text. On an error returns NULL or "". */
 void *reader_alloc(const struct import_reader *r, size_t count, size_t size);
 const char *reader_copy(const struct import_reader *r, const char *text);
 
-/* Returns a formatted name in the arena, at most 511 bytes; "" with an error. */
+/* Returns a formatted name from the arena, at most 511 bytes. On an error returns "". */
 const char *reader_format(const struct import_reader *r, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
-/* Returns the text of an attribute, "" without it; valid as long as the document. */
+/* Returns the text of an attribute, "" if it is missing. Valid as long as the document. */
 const char *reader_text(const xmlNode *node, const char *name);
 
-/* Checks whether the name of an element is one of a list, which ends with NULL. */
+/* Checks whether an element's name is in a list that ends with NULL. */
 bool reader_is_one_of(const xmlNode *node, const char *const name[]);
 
 /* Allocates links, joints, shapes and sensors of the model. */
 void reader_make_room(const struct import_reader *r, size_t links, size_t joints, size_t shapes,
                       size_t sensors);
 
-/* Refuses two links or two joints of one name. what: the file's word for a link. */
+/* Refuses links or joints that share a name. what is the file's word for a link. */
 void reader_check_names(const struct import_reader *r, const char *what);
 
 /* ---- MJCF ---- */
@@ -83,11 +84,11 @@ void mjcf_index(struct import_reader *r);
 const char *mjcf_attribute(const struct import_reader *r, const xmlNode *node,
                            const char *childclass, const char *name);
 
-/* Reads an attribute, found like mjcf_attribute, as numbers, like xml_reals. */
+/* Reads an attribute, found as in mjcf_attribute, as numbers, as in xml_reals. */
 bool mjcf_reals(const struct import_reader *r, const xmlNode *node, const char *childclass,
                 const char *name, size_t count, double *value);
 
-/* Reads all numbers of an attribute, 1 to most, if the element has it. */
+/* Reads all numbers of an attribute, between 1 and most, if the element has it. */
 void mjcf_some_reals(const struct import_reader *r, const xmlNode *node, const char *childclass,
                      const char *name, size_t most, double *value);
 
@@ -99,12 +100,11 @@ void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const c
  * false for a direction of length 0. */
 bool mjcf_z_to_rotation(const double z[3], double R[9]);
 
-/* Adds a geom to a link, and its mass to a body without its own inertia (NULL: to none). */
+/* Adds a geom to a link, and its mass to a body without its own inertia. NULL = add no mass. */
 void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, const char *childclass,
                     int link, struct robot_inertia *inertia);
 
-/* Read actuators, equalities between joints, and keyframes; call them when all joints are
- * known. */
+/* Read actuators, equalities between joints, and keyframes. Read all joints first. */
 void mjcf_read_actuators(const struct import_reader *r);
 void mjcf_read_couplings(const struct import_reader *r);
 void mjcf_read_keys(const struct import_reader *r);

@@ -13,7 +13,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { SIZE_DOUBT = 20 }; /* a shape larger than so many joint distances is probably a mistake */
+enum { SIZE_DOUBT = 20 }; /* larger shapes, in joint distances, may be a mistake */
 
 void import_place_shape(const struct import_builder *b, const struct import_geometry *shape,
                         const struct import_place *own, double position[3], double rotation[9])
@@ -75,8 +75,8 @@ static void capsule_hold_points(const double (*point)[3], size_t count,
         along = high[m] - low[m] > high[along] - low[along] ? m : along;
     }
 
-    /* First pass: the radius, by the point farthest from the axis. Second: the length that its ends
-     * must reach */
+    /* First pass: find the radius from the point farthest from the axis. Second pass: find the
+     * length that the ends must reach */
     for (int pass = 0; pass < 2; pass++) {
         for (size_t i = 0; i < count; i++) {
             double d[3], across, reach;
@@ -98,8 +98,8 @@ static void capsule_hold_points(const double (*point)[3], size_t count,
     capsule->length = 2.0 * half;
 }
 
-/* Fits a capsule along the longest semi-axis with the next one as radius. It encloses the
- * ellipsoid, which is slimmer toward the ends than the half-spheres. */
+/* Fits a capsule along the longest semi-axis, with the second longest as radius. It encloses the
+ * ellipsoid, whose ends are slimmer than half-spheres. */
 static void capsule_hold_ellipsoid(const double half[3], struct robot_capsule *capsule)
 {
     int along = half[1] > half[0] ? 1 : 0;
@@ -113,7 +113,7 @@ static void capsule_hold_ellipsoid(const double half[3], struct robot_capsule *c
 
 /* ---- meshes ---- */
 
-/* Returns in words whether contact accepts a mesh as a surface. */
+/* Returns a text that says whether contact accepts a mesh as a surface. */
 static const char *mesh_judge(const struct import_mesh *mesh)
 {
     const struct mesh surface = {.name = "",
@@ -129,8 +129,8 @@ static const char *mesh_judge(const struct import_mesh *mesh)
     return finding.fault == MESH_SOUND ? "a sound surface" : mesh_fault_text(finding.fault);
 }
 
-/* Reads a mesh, fits a capsule and writes the OBJ file; false, with a note, when one of these
- * fails. */
+/* Reads a mesh, fits a capsule, and writes the OBJ file. Returns false, with a note, if one of
+ * these fails. */
 static bool shape_fit_mesh(const struct import_builder *b, const struct import_geometry *shape,
                            struct robot_capsule *capsule)
 {
@@ -149,7 +149,7 @@ static bool shape_fit_mesh(const struct import_builder *b, const struct import_g
         return false;
     }
 
-    /* The surface itself is kept as an OBJ file for scenes that want it */
+    /* Keep the surface as an OBJ file for scenes that use it */
     capsule_hold_points((const double(*)[3])mesh.vertex, mesh.nvertex, capsule);
     snprintf(path, sizeof path, "%s/%s.obj", b->folder, capsule->name);
     if (import_write_mesh(&mesh, path, &why)) {
@@ -169,9 +169,9 @@ static bool shape_fit_mesh(const struct import_builder *b, const struct import_g
 
 /* ---- the whole ---- */
 
-/* Fits a capsule to one shape, in the shape's own frame, and adds a note if it is inexact; returns
- * false if there is none. Boxes, ellipsoids and meshes get the capsule that holds them; a cylinder
- * gets one of the same radius and overall length. */
+/* Fits a capsule to a shape, in the shape's frame, and adds a note if it is inexact. Boxes,
+ * ellipsoids and meshes get an enclosing capsule; a cylinder gets one of the same radius and
+ * overall length. Returns false if there is no capsule. */
 static bool shape_fit(const struct import_builder *b, const struct import_geometry *shape,
                       struct robot_capsule *capsule)
 {
@@ -210,8 +210,8 @@ static bool shape_fit(const struct import_builder *b, const struct import_geomet
     return true;
 }
 
-/* Adds a note on a capsule much larger than the largest distance between a joint and its parent
- * link, as from a mesh in mm without a scale. */
+/* Adds a note if a capsule is much larger than the largest distance between a joint and its parent
+ * link, for example a mesh in mm without a scale. */
 static void shape_doubt_size(const struct import_builder *b, const struct import_geometry *shape,
                              const struct robot_capsule *capsule)
 {
@@ -231,7 +231,7 @@ static void shape_doubt_size(const struct import_builder *b, const struct import
     }
 }
 
-/* Adds the capsule of one shape to the robot, named BODY-shellNUMBER. */
+/* Adds the capsule of a shape to the robot, with the name BODY-shellNUMBER. */
 static enum error_code shape_add(const struct import_builder *b,
                                  const struct import_geometry *shape)
 {

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Fits capsules, the only collision shapes of a robot file. Spheres and capsules are exact. A
- * cylinder becomes a capsule of the same radius and, if it is long enough, the same total length. A
- * box or mesh becomes the enclosing capsule along its longest side. Each inexact shape adds a note.
- * Meshes are also written as OBJ, in the frame of their shape, for scenes that need the true
- * surface. Not RT-safe.
+ * Fits capsules, the only collision shapes in a robot file. Spheres and capsules are exact. A
+ * cylinder becomes a capsule of the same radius and, if it is long enough, of the same total
+ * length. A box or mesh becomes the enclosing capsule along its longest side. Each inexact shape
+ * adds a note. Meshes are also written as OBJ, in the frame of their shape, for scenes that use the
+ * true surface. Not RT-safe.
  */
 #ifndef APP_IMPORT_SHAPES_H
 #define APP_IMPORT_SHAPES_H
@@ -16,7 +16,7 @@
 struct import_builder {
     struct import_robot *from;
     const struct import_packages *packages;
-    const char *folder; /* for OBJ and STL files; NULL: no meshes are read or written */
+    const char *folder; /* folder for OBJ and STL files; NULL = read and write no meshes */
     struct arena *arena;
     struct import_notes *notes;
     size_t *written; /* number of OBJ files */
@@ -27,15 +27,15 @@ struct import_builder {
 enum error_code import_check_shapes(const struct import_robot *from,
                                     const struct import_packages *packages, struct error *error);
 
-/* Fills the capsules of the robot from the collision shapes. A mesh that cannot be read is dropped
- * with a note. */
+/* Makes the capsules of the robot from the collision shapes. Drops a mesh that cannot be read, with
+ * a note. */
 enum error_code import_add_shapes(const struct import_builder *b);
 
 /* Computes the height of a capsule's lowest point, m, for given poses of the bodies. */
 double import_capsule_bottom(const struct robot_capsule *capsule, const struct body_motion *bodies);
 
-/* Computes the height of the lowest point of the robot's capsules above its base's origin, m, in a
- * pose with an upright base; returns false if it has no capsules. bodies: buffer for nbody
+/* Computes the height of the robot's lowest capsule point above the base's origin, m, in a pose
+ * with an upright base. Returns false if the robot has no capsules. bodies is a buffer for nbody
  * motions. */
 bool import_find_lowest(const struct robot *robot, const double *joint, struct body_motion *bodies,
                         double *height);
@@ -44,22 +44,22 @@ bool import_find_lowest(const struct robot *robot, const double *joint, struct b
 
 /*
  * Makes the visuals of a robot from its visual shapes, and from MJCF shapes for both purposes.
- * Meshes are written as binary STL, one file per color, in the frame of their shape; a repeated
- * mesh uses the existing files. A mesh that cannot be read or is too large adds a note, is named in
- * the robot file, and does not stop the import. The numbers of shapes and faces are limited.
+ * Meshes are written as binary STL, one file per color, in the frame of their shape. A repeated
+ * mesh uses the existing files. A mesh that cannot be read or is too large does not stop the
+ * import; a note and the robot file mention it. The numbers of shapes and faces are limited.
  */
 
 enum { IMPORT_VISUAL_FACES_MAX = 2 << 20 }; /* maximum for all visuals together */
 
-/* Fills the visuals of the robot; robot files name the folder of the STL files ../meshes. */
+/* Makes the visuals of the robot. Robot files refer to the folder of the STL files as ../meshes. */
 enum error_code import_add_visuals(const struct import_builder *b);
 
-/* Adds a capsule's or a visual's frame: the pose of a shape in its body, after a pose in the
- * shape. */
+/* Composes the frame of a capsule or a visual: the pose of a shape in its body, followed by a pose
+ * in the shape. */
 void import_place_shape(const struct import_builder *b, const struct import_geometry *shape,
                         const struct import_place *own, double position[3], double rotation[9]);
 
-/* Adds a note on a shape that begins with what the shape is: "collision box of link "NAME"". */
+/* Adds a note on a shape, which starts with a description: "collision box of link "NAME"". */
 void import_shape_note(const struct import_builder *b, const struct import_geometry *shape,
                        enum import_fate fate, const char *what, const char *format, ...)
     __attribute__((format(printf, 5, 6)));

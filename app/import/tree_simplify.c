@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the robot's bodies and joints; tree_simplify_order.c, tree_simplify_mimic.c and
- * tree_simplify_frames.c do the steps before and after. */
+/* Makes the robot's bodies and joints. The steps before are in tree_simplify_order.c and
+ * tree_simplify_mimic.c, the steps after in tree_simplify_frames.c. */
 #include "app/import/tree_simplify_private.h"
 
 #include "base/array.h"
@@ -13,12 +13,12 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Mass of a body to which the file gives none: robot files require more than 0. */
+/* Mass of a body without mass in the file, because robot files require more than 0. */
 #define NO_MASS_KG 1e-15
 
 enum { NAME_TRIES = 64 };
 
-/* Bounds of a robot file's places and inertias: coman-hil-robot(5). */
+/* Bounds for poses and inertias in a robot file, see coman-hil-robot(5). */
 #define PLACE_MAX_M 1e3
 #define INERTIA_MAX_KG_M2 1e6
 
@@ -32,7 +32,7 @@ void *simplify_alloc(const struct simplifier *r, size_t count, size_t size)
     return memory;
 }
 
-/* Checks whether a part of the file has a name, or a part of this kind got it. */
+/* Checks whether a part of the file has this name, or a part of this kind has received it. */
 static bool simplify_name_is_taken(const struct simplifier *r, const char *what, const char *name)
 {
     bool taken = import_find_link(r->model, name) >= 0 || import_find_joint(r->model, name) >= 0;
@@ -56,7 +56,7 @@ const char *simplify_name(struct simplifier *r, const char *file, int line, cons
         return copy ? strcpy(copy, name) : "";
     }
 
-    /* Too long or reserved: a change of characters would not help */
+    /* Refuse a name that is too long or reserved, because replacing characters does not help */
     if (length > 63 || !strcmp(name, "spare") || !strcmp(name, ".") || !strcmp(name, "..")) {
         import_error(r->error, file, line,
                      "found %s name \"%.80s\", expected at most 63 letters, digits and _ - . (and "
@@ -70,7 +70,7 @@ const char *simplify_name(struct simplifier *r, const char *file, int line, cons
         clean[i] = name[i] == '\0' || name[i] == '.' || text_is_name(letter) ? name[i] : '_';
     }
 
-    /* Numbers go on from the names made before, so that few tries are enough */
+    /* Continue with the next number, so that few tries are enough */
     strcpy(made, clean);
     for (int i = 0; i < NAME_TRIES && simplify_name_is_taken(r, what, made); i++) {
         snprintf(made, sizeof made, "%.42s-%zu", clean, r->nmade + 2 + (size_t)i);
@@ -112,8 +112,8 @@ static void tensor_diagonalize(const double I[6], double moment[3], double V[9])
                 double apart = A[sym3_index[q][q]] - A[sym3_index[p][p]];
                 double angle = 0.5 * portable_atan2(copysign(2.0, apart) * off, fabs(apart));
 
-                /* Rotates the plane of p and q so that their product vanishes. Uses the smaller of
-                 * the two angles, because the larger one swaps the axes and never converges */
+                /* Rotate in the plane of p and q until their product is 0. Use the smaller of the
+                 * two angles; the larger one swaps the axes and never converges */
                 mat3_identity(R);
                 R[4 * p] = R[4 * q] = portable_cos(angle);
                 R[3 * p + q] = -portable_sin(angle);
@@ -129,8 +129,8 @@ static void tensor_diagonalize(const double I[6], double moment[3], double V[9])
     moment[2] = A[5];
 }
 
-/* Raises principal moments that are too small: to a thousandth of the largest, then until the two
- * smaller ones sum up to the largest (triangle inequality). */
+/* Raises principal moments that are too small: to a thousandth of the largest one, then until the
+ * two smaller ones sum up to the largest (triangle inequality). */
 static void moments_repair(double moment[3])
 {
     int large = 0;
@@ -148,8 +148,8 @@ static void moments_repair(double moment[3])
     }
 }
 
-/* Checks a body's inertia; with --repair-inertia makes an impossible one possible, otherwise
- * refuses it. */
+/* Checks a body's inertia. With --repair-inertia corrects an impossible inertia, otherwise refuses
+ * it. */
 static void simplify_check_inertia(struct simplifier *r, const struct import_link *link,
                                    struct robot_inertia *inertia)
 {
@@ -168,7 +168,7 @@ static void simplify_check_inertia(struct simplifier *r, const struct import_lin
         return;
     }
 
-    /* Raise the principal moments and turn the tensor back into the link's frame */
+    /* Raise the principal moments, and rotate the tensor back to the link's frame */
     tensor_diagonalize(inertia->I, moment, V);
     moments_repair(moment);
     memset(inertia->I, 0, sizeof inertia->I);
@@ -190,7 +190,7 @@ static void simplify_check_inertia(struct simplifier *r, const struct import_lin
 
 /* ---- bodies and joints ---- */
 
-/* Adds a body for a link that a joint moves, and the joint. */
+/* Adds the body of a link that a joint moves, and the joint. */
 static void simplify_add_body(struct simplifier *r, int link, const struct import_joint *from)
 {
     struct robot *robot = r->out->robot;
@@ -207,7 +207,7 @@ static void simplify_add_body(struct simplifier *r, int link, const struct impor
     r->out->body[link] = (int)robot->nbody++;
     import_place_identity(&r->out->place[link]);
 
-    /* Sets the joint's pose in the parent's body, and records its rest position */
+    /* Set the joint's pose in the parent's body, and record its rest position */
     r->out->source[robot->njoint] = from;
     r->out->rest[robot->njoint] =
         simplify_is_coupled(r, own) ? simplify_follow(r, own) : simplify_rest(r, own);
@@ -221,7 +221,7 @@ static void simplify_add_body(struct simplifier *r, int link, const struct impor
     joint->lower = from->lower;
     joint->upper = from->upper;
 
-    /* A joint without limits gets a range whose ends no run reaches */
+    /* Give a joint without limits a range that no run exceeds */
     if (!from->has_limit || from->type == IMPORT_CONTINUOUS) {
         joint->lower = -2.0 * M_PI * SIMPLIFY_TURNS_MAX;
         joint->upper = 2.0 * M_PI * SIMPLIFY_TURNS_MAX;
@@ -233,8 +233,8 @@ static void simplify_add_body(struct simplifier *r, int link, const struct impor
     robot->njoint++;
 }
 
-/* Finds the body of each link and the link's pose in it. Parents come first, so a link on a rigid
- * joint joins its parent's body. */
+/* Finds the body of each link, and the link's pose in the body. Parents come first, so a link on a
+ * rigid joint belongs to its parent's body. */
 static void simplify_place_links(struct simplifier *r)
 {
     const struct import_model *model = r->model;
@@ -247,7 +247,8 @@ static void simplify_place_links(struct simplifier *r)
         const struct import_link *link = &model->link[at];
         struct import_place place;
 
-        /* The root is the base; a rigid joint's child is part of its parent's body; others move */
+        /* The root is the base. The child of a rigid joint belongs to its parent's body. Other
+         * children get a body */
         if (!joint) {
             robot->nbody = 1;
             robot->body[0].parent = -1;
@@ -269,7 +270,7 @@ static void simplify_place_links(struct simplifier *r)
     }
 }
 
-/* Names the robot; sums mass and inertia of the links of each body and checks them. */
+/* Names the robot. Sums mass and inertia of the links of each body, and checks the sums. */
 static void simplify_sum_inertias(struct simplifier *r)
 {
     const struct import_model *model = r->model;
@@ -318,7 +319,7 @@ static size_t robot_count_limbs(const struct robot *robot)
             continue;
         }
 
-        /* Count the bodies whose path to the base leads over b, b included */
+        /* Count the bodies of the limb that starts with body b */
         for (size_t c = b; c < robot->nbody; c++) {
             int up = (int)c;
 
@@ -355,7 +356,7 @@ static void simplify_choose_base(struct simplifier *r)
         return;
     }
 
-    /* Otherwise guesses, and adds a note: a base with two limbs or more floats */
+    /* Otherwise guess, and add a note: a base with two limbs or more floats */
     if (!strcmp(root->name, "world") || robot->body[0].inertia.mass <= NO_MASS_KG) {
         robot->floating = false;
         why = "the root has no mass or is the world";
@@ -368,7 +369,7 @@ static void simplify_choose_base(struct simplifier *r)
                     robot->floating ? "floats" : "is fixed in the world", why);
 }
 
-/* Allocates what the reduction needs and makes; links without a body have -1. */
+/* Allocates memory for the reduction and for the robot. Links without a body have -1. */
 static void simplify_make_room(struct simplifier *r)
 {
     const size_t joints = r->model->njoint + 1, links = r->model->nlink;
@@ -409,8 +410,8 @@ static void simplify_check_place(const struct simplifier *r, const double xyz[3]
     }
 }
 
-/* Refuses poses and inertias outside the ranges of robot files. So the error points to the user's
- * file, not to the generated one. */
+/* Refuses poses and inertias outside the ranges of robot files, so that the error refers to the
+ * user's file instead of the generated one. */
 static void simplify_check_ranges(struct simplifier *r)
 {
     const struct import_model *model = r->model;
@@ -448,7 +449,7 @@ enum error_code import_simplify_tree(const struct import_model *model,
                                      struct import_notes *notes, struct import_robot *out,
                                      struct error *error)
 {
-    /* The tree and its moving joints first; inertias need the poses of links, the base needs the
+    /* Tree and moving joints first: inertias need the poses of links, and the base needs the
      * inertias */
     static void (*const step[])(struct simplifier * r) = {
         simplify_make_room,        simplify_check_ranges,   simplify_find_parents,

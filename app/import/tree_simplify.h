@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Reduces a foreign robot to one of ours, with one body for each moving joint. Links on fixed
- * joints become part of the body that carries them, exactly, and stay as frames. Joints that cannot
- * or should not move are fixed at their rest position. Each change adds a note. Errors have
- * file:line and a remedy. Memory from the arena. Not RT-safe.
+ * Reduces a foreign robot to a robot with one body per moving joint. Links on fixed joints become
+ * part of the body that carries them, without loss, and stay as frames. Joints that cannot or
+ * should not move are fixed at their rest position. Each change adds a note. Errors have file:line
+ * and a remedy. Memory is from the arena. Not RT-safe.
  */
 #ifndef APP_IMPORT_TREE_SIMPLIFY_H
 #define APP_IMPORT_TREE_SIMPLIFY_H
@@ -21,35 +21,35 @@ enum import_mimic {
 };
 
 struct import_options {
-    int base, mimic;         /* values of the enums above */
-    bool free_slides;        /* prismatic joints move without a drive; false: they are fixed */
-    const char *const *lock; /* names of joints to be fixed */
+    int base, mimic;         /* enum import_base, enum import_mimic */
+    bool free_slides;        /* let prismatic joints move without a drive; false = fix them */
+    const char *const *lock; /* names of joints to fix */
     size_t nlock;
-    bool repair_inertia;      /* increase impossible moments of inertia; false: refuse them */
+    bool repair_inertia;      /* increase impossible moments of inertia; false = refuse them */
     const char *const *drive; /* --drive options: NAME or JOINTS=NAME (drive.h) */
     size_t ndrive;
 };
 
-/* The robot made from a model, and the sources of its parts. */
+/* The robot made from a model, with the source of each part. */
 struct import_robot {
     const struct import_model *model;
-    /* without drives, stops and capsules; couplings without stiffness; not finished
+    /* The robot lacks drives, stops, capsules and the stiffness of couplings, and is not finished
      * (robot_finish) */
     struct robot *robot;
-    const struct import_joint **source; /* by joint of the robot */
+    const struct import_joint **source; /* by joint of the robot: its joint in the model */
     double *rest; /* by joint of the robot: rest position, 0 or the nearest allowed one */
-    /* By link of the model: its body; -1 = fixed in the world in which the base floats */
+    /* By link of the model: its body; -1 = part of the fixed world, if the base floats */
     int *body;
-    struct import_place *place; /* pose of the link in that body */
-    bool *fixed;                /* by joint of the model: it is fixed */
-    /* By joint of the robot, from the catalogue; NULL = the drive is assumed */
+    struct import_place *place; /* by link of the model: its pose in the body */
+    bool *fixed;                /* by joint of the model: whether it is fixed */
+    /* By joint of the robot: its drive from the catalogue; NULL = assume a drive */
     const struct robot_drive **drive;
-    const char **drive_file; /* name in a robot file */
-    /* Path of a user's own file, which is copied; NULL: found by its name */
+    const char **drive_file; /* by joint of the robot: name of the drive in a robot file */
+    /* By joint of the robot: path of the user's own drive file to copy; NULL = none */
     const char **drive_copy;
 };
 
-/* Reduces the model to a robot; out keeps pointers into the model. */
+/* Reduces the model to a robot. out points into the model. */
 enum error_code import_simplify_tree(const struct import_model *model,
                                      const struct import_options *options, struct arena *arena,
                                      struct import_notes *notes, struct import_robot *out,

@@ -10,7 +10,7 @@
 
 /* ---- frames ---- */
 
-/* Adds a frame at a pose in a link and returns its index; refuses a name that is already used. */
+/* Adds a frame at a pose in a link, and returns its index. Refuses a name that is already used. */
 static int simplify_add_frame(struct simplifier *r, const char *name, const char *file, int line,
                               int link, const struct import_place *place)
 {
@@ -32,7 +32,7 @@ static int simplify_add_frame(struct simplifier *r, const char *name, const char
 
 /* ---- sensors ---- */
 
-/* Adds the frame of a sensor, NAME-sensor. */
+/* Adds the frame of a sensor, with the name NAME-sensor. */
 static int simplify_add_sensor_frame(struct simplifier *r, const struct import_sensor *sensor,
                                      const char *name, int link)
 {
@@ -43,9 +43,9 @@ static int simplify_add_sensor_frame(struct simplifier *r, const struct import_s
     return simplify_add_frame(r, text, sensor->file, sensor->line, link, &sensor->place);
 }
 
-/* Sums the inertia below a force-torque sensor within its body, in the body's frame. Returns false
- * if other bodies are attached there, whose forces the model's sensor does not include. One pass
- * down the tree: parents come first. */
+/* Sums the inertia of the part below a force-torque sensor within its body, in the body's frame.
+ * Returns false if other bodies are attached to this part, because the sensor model ignores their
+ * forces. One pass down the tree is enough, because parents come first. */
 static bool sensor_sum_distal(const struct simplifier *r, int top, struct robot_inertia *distal)
 {
     const struct import_robot *out = r->out;
@@ -63,8 +63,8 @@ static bool sensor_sum_distal(const struct simplifier *r, int top, struct robot_
     return ends;
 }
 
-/* Checks whether no other sensor has a sensor's name, as those that the file names by their type
- * have. */
+/* Checks whether a sensor's name is unique. Sensors that are named by their type in the file may
+ * share a name. */
 static bool sensor_has_own_name(const struct import_model *model,
                                 const struct import_sensor *sensor)
 {
@@ -76,8 +76,8 @@ static bool sensor_has_own_name(const struct import_model *model,
     return count == 1;
 }
 
-/* Adds a force-torque sensor at the child link of its joint; drops one that is not at the end of a
- * limb, with a note. */
+/* Adds a force-torque sensor at the child link of its joint. Drops a sensor that is not at the end
+ * of a limb, with a note. */
 static void simplify_add_ft(struct simplifier *r, const struct import_sensor *sensor, int link)
 {
     struct robot *robot = r->out->robot;
@@ -99,7 +99,7 @@ static void simplify_add_ft(struct simplifier *r, const struct import_sensor *se
     ft->frame = simplify_add_sensor_frame(r, sensor, sensor->joint, link);
     frame = &robot->frame[ft->frame];
 
-    /* Transforms the part below it from the body's frame to the sensor's: R^T and -R^T p */
+    /* Transform the inertia below it from the body's frame to the sensor's: R^T and -R^T p */
     mat3_transpose(frame->rotation, back.R);
     mat3_apply(back.R, frame->position, back.xyz);
     for (int i = 0; i < 3; i++) {
@@ -110,7 +110,7 @@ static void simplify_add_ft(struct simplifier *r, const struct import_sensor *se
 }
 
 /* Checks whether an earlier entry is a force-torque sensor in the same joint, because some files
- * list one twice. */
+ * list a sensor twice. */
 static bool ft_is_known(const struct simplifier *r, size_t sensor)
 {
     for (size_t i = 0; i < sensor; i++) {
@@ -176,8 +176,8 @@ static const struct import_value *pose_find_value(const struct import_pose *pose
     return NULL;
 }
 
-/* Adds a pose of the file. Joints that it does not name are at rest, and all are moved into their
- * limits. */
+/* Adds a pose of the file. Joints that it does not name are at rest. All joints are moved into
+ * their limits. */
 static void simplify_add_pose(struct simplifier *r, const struct import_pose *source)
 {
     struct robot *robot = r->out->robot;
@@ -191,7 +191,7 @@ static void simplify_add_pose(struct simplifier *r, const struct import_pose *so
         return;
     }
 
-    /* These limits are those of the joint and of all joints coupled to it */
+    /* The limits are those of the joint and of all joints coupled to it */
     for (size_t j = 0; j < robot->njoint && position; j++) {
         const struct import_value *value = pose_find_value(source, r->out->source[j]->name);
         const struct robot_joint *joint = &robot->joint[j];

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Handles joints that follow others: chains, the treatment of each follower, and rest positions.
- * The first joint leads the whole chain; equations of the joints between are substituted into the
- * last one's multiplier and offset.
+ * The first joint of a chain is the leader of all others. The equations of the joints between are
+ * substituted into the multiplier and offset of the last one.
  */
 #include "app/import/tree_simplify_private.h"
 
@@ -33,7 +33,7 @@ void simplify_find_followers(struct simplifier *r)
         r->upper[j] = joint->has_limit ? joint->upper : 2.0 * M_PI * SIMPLIFY_TURNS_MAX;
     }
 
-    /* Walks up from each joint: a chain longer than the number of joints is a cycle */
+    /* Walk up from each joint: more steps than joints mean a cycle */
     for (size_t j = 0; j < model->njoint; j++) {
         int up = r->mimic[j];
 
@@ -49,8 +49,8 @@ void simplify_find_followers(struct simplifier *r)
     }
 }
 
-/* Finds the leader of joint j: the first joint up the chain that follows none or is fixed, -1 =
- * none. position = *multiplier times the leader's + *offset. */
+/* Finds the leader of joint j: the first joint up the chain that follows none or is fixed; -1 =
+ * none. position = *multiplier times the leader's position + *offset. */
 static int find_leader(const struct simplifier *r, size_t j, double *multiplier, double *offset)
 {
     int leader = r->mimic[j];
@@ -58,7 +58,7 @@ static int find_leader(const struct simplifier *r, size_t j, double *multiplier,
     *multiplier = r->model->joint[j].multiplier;
     *offset = r->model->joint[j].offset;
 
-    /* The joints between are followers too: substitutes their equations into j's */
+    /* The joints between are followers too: substitute their equations into the equation of j */
     while (leader >= 0 && r->mimic[leader] >= 0 && !simplify_is_rigid(r, (size_t)leader)) {
         *offset += *multiplier * r->model->joint[leader].offset;
         *multiplier *= r->model->joint[leader].multiplier;
@@ -69,7 +69,7 @@ static int find_leader(const struct simplifier *r, size_t j, double *multiplier,
 
 /* ---- rest ---- */
 
-/* Distance from a limit at which a joint rests when 0 is out of range, as a share of the range; at
+/* Distance from the limit at which a joint rests if 0 is out of range, as a share of the range; at
  * most 0.1 rad or m. */
 #define REST_INSIDE 0.05
 
@@ -105,14 +105,14 @@ bool simplify_is_coupled(const struct simplifier *r, size_t j)
     return r->options->mimic == IMPORT_MIMIC_COUPLE && r->mimic[j] >= 0 && !simplify_is_rigid(r, j);
 }
 
-/* Narrows a leader's range to positions that its follower can follow, also at rest and in poses.
- * Refuses ranges that exclude each other, and couplings that a robot file cannot hold: polynomials
- * of higher order, and numbers outside its limits. */
+/* Narrows a leader's range to the positions that its follower can follow, also at rest and in
+ * poses. Refuses ranges that exclude each other. Refuses couplings that a robot file cannot
+ * express: polynomials of higher order, and numbers outside its limits. */
 static void narrow_leader(struct simplifier *r, size_t j, size_t leader, double multiplier,
                           double offset)
 {
     const struct import_joint *joint = &r->model->joint[j];
-    /* The follower's limits, converted to positions of its leader */
+    /* Convert the follower's limits to positions of its leader */
     const double end[2] = {(r->lower[j] - offset) / multiplier,
                            (r->upper[j] - offset) / multiplier};
 
@@ -157,15 +157,15 @@ void simplify_narrow_leaders(struct simplifier *r)
 
 /* ---- what becomes of them ---- */
 
-/* Decides the treatment of a follower: fixed with its leader, or by --mimic locked, free or
- * coupled; refused by default. couplings counts the coupled ones. */
+/* Decides the treatment of a follower. A follower of a fixed joint is fixed. Others are locked,
+ * free or coupled by --mimic, and refused by default. *couplings counts the coupled ones. */
 static void settle_follower(struct simplifier *r, size_t j, size_t *couplings)
 {
     const struct import_joint *joint = &r->model->joint[j];
     double multiplier, offset;
     int leader = find_leader(r, j, &multiplier, &offset);
 
-    /* A follower of a fixed joint has nothing to follow, for any --mimic */
+    /* A follower of a fixed joint is fixed for any --mimic */
     if (leader < 0 || simplify_is_rigid(r, j)) {
         return;
     }
@@ -242,7 +242,7 @@ void simplify_add_couplings(struct simplifier *r)
                          "robot's, expected one that turns or slides",
                          own->name, model->joint[leader].name);
         }
-        /* placeholder until the drive is known: app/import/drive.h */
+        /* placeholder; app/import/drive.h sets it when the drive is known */
         coupling->stiffness = 1.0;
         robot->ncoupling++;
     }

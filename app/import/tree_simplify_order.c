@@ -41,7 +41,7 @@ void simplify_find_root(struct simplifier *r)
     for (size_t i = 0; i < model->nlink; i++) {
         const struct import_link *link = &model->link[i];
 
-        /* A second root means separate trees */
+        /* A second root means that the trees are separate */
         if (r->above[i] < 0 && r->root >= 0) {
             import_error(
                 r->error, link->file, link->line,
@@ -73,7 +73,7 @@ void simplify_enter_world(struct simplifier *r)
     const struct import_model *model = r->model;
     const struct import_joint *floating = NULL;
 
-    /* The first floating joint on a root without mass is the robot's */
+    /* Find the robot's floating joint: the first one on a root without mass */
     for (size_t j = 0; j < model->njoint && !model->link[r->root].has_inertia; j++) {
         if (model->joint[j].parent_link == r->root && model->joint[j].type == IMPORT_FLOATING) {
             floating = floating ? floating : &model->joint[j];
@@ -119,7 +119,7 @@ void simplify_order_links(struct simplifier *r)
 
         r->order[r->norder++] = link;
 
-        /* Pushed in reverse, so that they are popped in file order */
+        /* Push in reverse order, so that links are popped in file order */
         for (size_t j = model->njoint; j-- > 0;) {
             if (model->joint[j].parent_link == link) {
                 next[depth++] = model->joint[j].child_link;
@@ -133,7 +133,7 @@ void simplify_check_cycles(struct simplifier *r)
     const struct import_model *model = r->model;
 
     for (size_t j = 0; j < model->njoint; j++) {
-        /* A walk up with more steps than links is a cycle */
+        /* More steps up than links mean a cycle */
         int link = model->joint[j].child_link;
 
         for (size_t step = 0; r->above[link] >= 0 && step <= model->nlink; step++) {
@@ -181,7 +181,7 @@ void simplify_fix_joint(struct simplifier *r, size_t j, double at, const char *w
                     joint->type == IMPORT_PRISMATIC ? "m" : "rad", why);
 }
 
-/* Checks the limits of revolute and prismatic joints: refuses missing or reversed limits; equal
+/* Checks the limits of revolute and prismatic joints. Refuses missing or reversed limits. Equal
  * limits fix the joint. */
 static void simplify_check_limit(struct simplifier *r, size_t j)
 {
@@ -204,7 +204,7 @@ static void simplify_check_limit(struct simplifier *r, size_t j)
     } else if (joint->lower == joint->upper) {
         simplify_fix_joint(r, j, joint->lower, "both limits are there");
     } else if ((joint->lower > 0.0 || joint->upper < 0.0) && !simplify_is_coupled(r, j)) {
-        /* Limits that exclude 0 move the rest position */
+        /* Limits that exclude 0 change the rest position */
         import_note_add(r->notes, IMPORT_CHANGED, joint->file, joint->line,
                         "joint \"%.63s\" rests at %g: its limits %g to %g exclude 0", joint->name,
                         simplify_rest(r, j), joint->lower, joint->upper);
@@ -230,8 +230,8 @@ void simplify_check_joints(struct simplifier *r)
         }
         simplify_check_limit(r, j);
 
-        /* A prismatic joint has no drive and would fall to its stop: it is fixed, or slides freely
-         * by option */
+        /* Without a drive, a prismatic joint would fall to its stop: fix it, or let it slide if the
+         * option says so */
         if (joint->type != IMPORT_PRISMATIC || r->out->fixed[j] || simplify_is_coupled(r, j)) {
             continue;
         }
@@ -253,7 +253,7 @@ void simplify_fix_massless(struct simplifier *r)
     const struct import_model *model = r->model;
     double *mass = simplify_alloc(r, model->nlink, sizeof *mass);
 
-    /* Children first, so that each link's mass is complete when it is added to its parent */
+    /* Visit children first, so that a link's mass is complete when it is added to its parent */
     for (size_t i = r->norder; i-- > 0 && mass;) {
         int link = r->order[i], above = r->above[link];
 

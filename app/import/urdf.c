@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Reads URDF: links with inertia, geometry and colors, joints, sensors, and their references by
- * name. Reads SRDF: named poses, and whether the base is fixed in the world.
+ * Reads URDF: links with inertia, geometry and colors, joints and sensors, and resolves references
+ * by name. Reads SRDF: named poses, and whether the base is fixed in the world.
  */
 #include "app/import/readers_private.h"
 
@@ -12,14 +12,14 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Largest accepted length and limit; larger values are mistakes. */
+/* Largest accepted length and limit; a larger value is a mistake. */
 #define LENGTH_MAX_M 1e3
 #define ANGLE_MAX 1e6
 
-/* Radius of a collision or visual sphere that the file gives radius 0. */
+/* Radius of a collision or visual sphere whose radius in the file is 0. */
 #define POINT_RADIUS_M 1e-3
 
-/* Value that some tools write if a joint has no limit. */
+/* Value that some tools write for a joint without a limit. */
 #define NO_LIMIT (-1.0)
 
 /* Copies an attribute that must exist into the arena. */
@@ -42,7 +42,7 @@ static xmlNode *urdf_only_child(const struct import_reader *r, const xmlNode *no
     return child;
 }
 
-/* Reads the pose of a child <origin>; the identity without one. */
+/* Reads the pose in a child <origin>; the identity if there is none. */
 static void urdf_read_origin(const struct import_reader *r, const xmlNode *node,
                              struct import_place *place)
 {
@@ -63,7 +63,7 @@ static void urdf_read_origin(const struct import_reader *r, const xmlNode *node,
 
 /* ---- colors ---- */
 
-/* Reads the color of a <material>, clamped to 0 to 1; returns false if it has none or it is
+/* Reads the color of a <material>, limited to 0 to 1. Returns false if there is no color or it is
  * invalid. */
 static bool material_read_color(const xmlNode *material, double color[4])
 {
@@ -89,7 +89,7 @@ static void material_add(struct import_reader *r, const xmlNode *material)
     }
 }
 
-/* Lists the materials of the robot, then those of its visuals; of one name the first counts. */
+/* Lists the materials of the robot, then those of its visuals. The first one with a name counts. */
 static void urdf_list_materials(struct import_reader *r)
 {
     const xmlNode *root = r->file->root;
@@ -132,7 +132,7 @@ static void urdf_read_color(const struct import_reader *r, const xmlNode *visual
 
 /* ---- links ---- */
 
-/* Reads <inertial>: mass and inertia at its origin, into the link's frame. */
+/* Reads <inertial> into the link's frame: mass, and inertia at its origin. */
 static void urdf_read_inertial(const struct import_reader *r, const xmlNode *node,
                                struct import_link *link)
 {
@@ -170,7 +170,7 @@ static void urdf_read_inertial(const struct import_reader *r, const xmlNode *nod
     }
 }
 
-/* Reads a length, m; 0 is accepted for a shape that is not there. */
+/* Reads a length, m. 0 is accepted, for shapes that stand for nothing. */
 static double urdf_read_length(const struct import_reader *r, const xmlNode *node, const char *name)
 {
     const double value = xml_need_real(r->file, node, name);
@@ -200,7 +200,7 @@ static bool urdf_read_shape(const struct import_reader *r, const xmlNode *node,
     } else if (xml_is(node, "box")) {
         const char *text = xml_need(r->file, node, "size");
 
-        /* The size is in full edge lengths */
+        /* The file gives full edge lengths */
         shape->shape = IMPORT_BOX;
         xml_parse_reals(r->file, node, "size", text, 3, shape->half);
         for (int m = 0; m < 3; m++) {
@@ -242,7 +242,7 @@ static void urdf_read_geometry(const struct import_reader *r, const xmlNode *nod
         return;
     }
 
-    /* Some files write boxes and cylinders of size 0 for nothing */
+    /* Some files write boxes and cylinders of size 0 to mean no shape */
     if ((shape.shape == IMPORT_BOX && shape.half[0] * shape.half[1] * shape.half[2] == 0) ||
         ((shape.shape == IMPORT_CYLINDER || shape.shape == IMPORT_CAPSULE) &&
          shape.radius * shape.length == 0)) {
@@ -342,8 +342,8 @@ static void urdf_read_limit(const struct import_reader *r, const xmlNode *node,
     xml_reals(r->file, limit, "effort", 1, &joint->effort);
     xml_reals(r->file, limit, "velocity", 1, &joint->velocity);
 
-    /* URDF: a single missing limit is 0. Some tools write no limits as -1, or as a lower limit
-     * above the upper one */
+    /* In URDF, a single missing limit is 0. For a joint without limits, some tools write -1, or a
+     * lower limit above the upper one */
     joint->has_limit = lower || upper;
     joint->effort = joint->effort == NO_LIMIT ? 0.0 : joint->effort;
     joint->velocity = joint->velocity == NO_LIMIT ? 0.0 : joint->velocity;
@@ -431,8 +431,9 @@ static const char *sensor_word(const xmlNode *force_torque, const char *name)
     return text + strspn(text, " \t\r\n");
 }
 
-/* Turns a force-torque sensor as Gazebo's <force_torque> says: into the frame of the child (the
- * default), of the parent, or of the sensor's own pose. Ours measure from child to parent. */
+/* Rotates a force-torque sensor into the frame of Gazebo's <force_torque>: of the child (the
+ * default), of the parent, or of the sensor. The robot's sensors measure the force from child to
+ * parent. */
 static void sensor_turn(const struct import_reader *r, const xmlNode *force_torque,
                         const struct import_joint *joint, struct import_sensor *sensor)
 {
@@ -452,8 +453,8 @@ static void sensor_turn(const struct import_reader *r, const xmlNode *force_torq
     }
 }
 
-/* Reads a <sensor> of URDF or of Gazebo. reference: link or joint named by <gazebo>, or NULL.
- * Drops sensors that our robots cannot have, with a note. */
+/* Reads a <sensor> of URDF or Gazebo. reference is the link or joint named by <gazebo>, or NULL.
+ * Drops sensors that robot files do not have, with a note. */
 static void urdf_read_sensor(const struct import_reader *r, const xmlNode *node,
                              const char *reference)
 {
@@ -474,7 +475,7 @@ static void urdf_read_sensor(const struct import_reader *r, const xmlNode *node,
         mat3_from_rpy(xyz_rpy + 3, sensor.place.R);
     }
 
-    /* Force-torque sensors are in joints, inertial ones on links; we have no boards for others */
+    /* Force-torque sensors are in joints, inertial sensors on links; other sensors have no board */
     if ((ft && joint && import_find_joint(r->model, joint) >= 0) ||
         (!strcmp(type, "imu") && link && import_find_link(r->model, link) >= 0)) {
         sensor.name = reader_copy(r, *name ? name : type);
@@ -549,8 +550,8 @@ static void urdf_make_room(const struct import_reader *r)
     reader_make_room(r, links + 1, joints, shapes, sensors); /* one more link: the world */
 }
 
-/* Reads the gear ratio of a <transmission>; drops one without a gear or with several joints, with
- * a note. */
+/* Reads the gear ratio of a <transmission>. Drops a transmission without a gear or with several
+ * joints, with a note. */
 static void urdf_read_transmission(const struct import_reader *r, const xmlNode *node)
 {
     const xmlNode *joint = xml_child(node, "joint"), *actuator = xml_child(node, "actuator");
@@ -569,7 +570,7 @@ static void urdf_read_transmission(const struct import_reader *r, const xmlNode 
     r->model->joint[at].gear = ratio > 0 ? ratio : r->model->joint[at].gear;
 }
 
-/* Reads the sensors of a <gazebo> element; adds a note that the rest is dropped. */
+/* Reads the sensors in a <gazebo> element. Adds a note that other content is dropped. */
 static void urdf_read_gazebo(const struct import_reader *r, const xmlNode *node)
 {
     const char *reference = xml_attribute(node, "reference");
@@ -593,7 +594,7 @@ static void urdf_read_gazebo(const struct import_reader *r, const xmlNode *node)
 /* Reads links and joints first, then the elements that refer to them. */
 static void urdf_read_elements(const struct import_reader *r)
 {
-    /* Elements that are read elsewhere, or have no meaning for the dynamics */
+    /* Elements that other functions read, or that have no effect on the dynamics */
     static const char *const known[] = {"link", "joint", "material", "group", "version", NULL};
     const xmlNode *root = r->file->root;
 
@@ -622,8 +623,8 @@ static void urdf_read_elements(const struct import_reader *r)
 
 #define WORLD "world"
 
-/* Returns the index of a link that a joint names. Suggests no similar name, because programs write
- * such files. */
+/* Returns the index of the link that a joint names. Suggests no similar name, because programs
+ * write such files. */
 static int urdf_resolve_link(const struct import_reader *r, const struct import_joint *joint,
                              const char *name)
 {
@@ -637,8 +638,8 @@ static int urdf_resolve_link(const struct import_reader *r, const struct import_
     return link;
 }
 
-/* Resolves the names of parents, children and mimicked joints; refuses duplicate names. Adds a
- * link "world" if joints are attached to a missing link with this name, as some tools write. */
+/* Resolves the names of parents, children and mimicked joints. Refuses duplicate names. If joints
+ * are attached to a missing link "world", as some tools write, adds this link. */
 static void urdf_resolve_names(const struct import_reader *r)
 {
     struct import_model *model = r->model;
@@ -689,7 +690,7 @@ enum error_code urdf_read(const struct xml_file *file, struct arena *arena,
 
 /* ---- SRDF ---- */
 
-/* Reads the position of one joint into the pose; drops positions of unknown joints and of joints
+/* Reads the position of one joint into the pose. Drops positions of unknown joints and of joints
  * with several coordinates. */
 static void srdf_read_value(const struct import_reader *r, const xmlNode *node,
                             struct import_pose *pose)
@@ -705,7 +706,7 @@ static void srdf_read_value(const struct import_reader *r, const xmlNode *node,
         return;
     }
 
-    /* The first value of a joint is used */
+    /* Only the first value of a joint counts */
     for (size_t i = 0; i < pose->nvalue; i++) {
         if (!strcmp(pose->value[i].joint, name)) {
             reader_note(r, IMPORT_DROPPED, node, "second position of \"%.63s\" in pose \"%.63s\"",
@@ -718,8 +719,8 @@ static void srdf_read_value(const struct import_reader *r, const xmlNode *node,
     pose->nvalue++;
 }
 
-/* Reads a state. A second state of the same name belongs to another group of joints: it adds to
- * the pose. */
+/* Reads a state. A second state with the same name is for another group of joints, and adds to the
+ * pose. */
 static void srdf_read_state(const struct import_reader *r, const xmlNode *node)
 {
     struct import_model *model = r->model;

@@ -6,23 +6,24 @@
 #include <stdio.h>
 #include <string.h>
 
-/* The visuals made from one mesh of the file, so that it is written once. */
+/* The visuals made from a mesh of the file, so that each mesh is written once. */
 struct visual_source {
     const char *mesh;
     double scale[3];
     size_t first, count;
 };
 
-/* Visuals under way. Without memory the builder has an error, and the visuals are not used. */
+/* The state while visuals are made. Without memory the builder gets an error, and the visuals are
+ * not used. */
 struct visuals {
     const struct import_builder *b;
     struct visual_source *source;
-    /* Sources; faces written so far; shapes beyond ROBOT_VISUALS_MAX. */
+    /* Number of sources, of faces written, and of shapes beyond ROBOT_VISUALS_MAX. */
     size_t nsource, faces, left_out;
-    bool *painted; /* by visual: its color is the mesh's own */
+    bool *painted; /* by visual: whether its color is from the mesh */
 };
 
-/* Returns a copy of a text; "" with an error. */
+/* Returns a copy of a text; "" on an error. */
 static const char *visual_copy(const struct visuals *v, const char *text)
 {
     const char *copy = arena_strdup(v->b->arena, text);
@@ -33,7 +34,7 @@ static const char *visual_copy(const struct visuals *v, const char *text)
     return copy ? copy : "";
 }
 
-/* Adds a visual at a shape's pose, without its size or file; NULL if the robot has no room. */
+/* Adds a visual at a shape's pose, without size or file. Returns NULL if the robot has no room. */
 static struct robot_visual *visual_add(struct visuals *v, const struct import_geometry *shape)
 {
     const struct import_robot *from = v->b->from;
@@ -58,7 +59,7 @@ static struct robot_visual *visual_add(struct visuals *v, const struct import_ge
     return visual;
 }
 
-/* Gives a visual a color of its mesh. */
+/* Sets the color of a visual to a color of its mesh. */
 static void visual_paint(struct visuals *v, struct robot_visual *visual, const double color[4])
 {
     v->painted[visual - v->b->from->robot->visual] = visual->colored = true;
@@ -86,8 +87,8 @@ static void visual_add_primitive(struct visuals *v, const struct import_geometry
 
 /* ---- meshes ---- */
 
-/* Adds a visual for each tint of a mesh that has faces, the uncolored ones (-1) first, and writes
- * its faces to an STL file named after the visual. */
+/* Adds a visual for each tint of a mesh that has faces, starting with the uncolored faces (-1).
+ * Writes the faces of each visual to an STL file with its name. */
 static void visual_add_tints(struct visuals *v, const struct import_geometry *shape,
                              const struct import_mesh *mesh)
 {
@@ -108,8 +109,8 @@ static void visual_add_tints(struct visuals *v, const struct import_geometry *sh
     }
 }
 
-/* Reads a mesh. It gets one color if the shape's color overrides the mesh's own. Refuses a mesh
- * that exceeds the limit for all meshes together. */
+/* Reads a mesh. If the shape's color overrides the mesh's colors, the mesh gets a single color.
+ * Refuses a mesh that exceeds the limit for all meshes together. */
 static enum error_code visual_read_mesh(struct visuals *v, const struct import_geometry *shape,
                                         struct arena *scratch, struct import_mesh *mesh,
                                         struct error *why)
@@ -134,7 +135,7 @@ static enum error_code visual_read_mesh(struct visuals *v, const struct import_g
     return ERROR_NONE;
 }
 
-/* Adds the visuals of a mesh that an earlier shape has used again, at this shape's pose. */
+/* Adds the visuals of an already written mesh again, at this shape's pose. */
 static void visual_repeat(struct visuals *v, const struct import_geometry *shape,
                           const struct visual_source *source)
 {
@@ -153,8 +154,8 @@ static void visual_repeat(struct visuals *v, const struct import_geometry *shape
     }
 }
 
-/* Adds the visuals of a mesh: reuses those of an equal mesh with the same scale, or reads and
- * writes the mesh. */
+/* Adds the visuals of a mesh. Uses the visuals of the same mesh with the same scale if they exist,
+ * else reads and writes the mesh. */
 static void visual_add_mesh(struct visuals *v, const struct import_geometry *shape)
 {
     const struct robot *robot = v->b->from->robot;
@@ -163,7 +164,7 @@ static void visual_add_mesh(struct visuals *v, const struct import_geometry *sha
     struct arena scratch = {0};
     struct error why = {.code = ERROR_NONE};
 
-    /* The same file with the same scale is already written */
+    /* Use the files of the same mesh with the same scale */
     for (size_t i = 0; i < v->nsource; i++) {
         if (!strcmp(v->source[i].mesh, shape->mesh) &&
             !memcmp(v->source[i].scale, shape->scale, sizeof shape->scale)) {
@@ -178,7 +179,7 @@ static void visual_add_mesh(struct visuals *v, const struct import_geometry *sha
     *source = (struct visual_source){.mesh = shape->mesh, .first = robot->nvisual};
     memcpy(source->scale, shape->scale, sizeof source->scale);
 
-    /* A mesh that cannot be read does not stop the import: its visual states the reason */
+    /* A mesh that cannot be read does not stop the import; its visual has the reason */
     if (arena_init(&scratch, IMPORT_MESH_ARENA, &why) ||
         visual_read_mesh(v, shape, &scratch, &mesh, &why)) {
         import_shape_note(v->b, shape, IMPORT_MISSING, "visual mesh", ": %.300s",
@@ -214,7 +215,7 @@ enum error_code import_add_visuals(const struct import_builder *b)
     for (size_t i = 0; i < model->ngeometry && !b->error->code; i++) {
         const struct import_geometry *shape = &model->geometry[i];
 
-        /* Visible shapes of links that are part of a body */
+        /* Only visible shapes of links that are part of a body */
         if (!shape->visual || b->from->body[shape->link] < 0) {
             continue;
         }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Writes the files of an import to its folder, which is a configuration tree: robots/NAME.yaml,
- * rigs/NAME.yaml (for a floating robot with a standing pose also rigs/NAME-standing.yaml),
- * NAME-import.txt, drives/ with copies of the user's own drive files. Each file is complete or
+ * rigs/NAME.yaml, NAME-import.txt, and drives/ with copies of the user's own drive files. A
+ * floating robot with a standing pose also gets rigs/NAME-standing.yaml. Each file is complete or
  * missing. Not RT-safe.
  */
 #ifndef APP_IMPORT_WRITE_H
@@ -18,22 +18,22 @@
 enum error_code import_write_robot(const struct import_robot *from, const char *path,
                                    struct error *error);
 
-/* Copies a user's own file, of a drive or of a protocol. */
+/* Copies a user's own drive or protocol file. */
 enum error_code import_copy_file(const char *from, const char *path, struct error *error);
 
-/* Contents of the rig files; robot is the one read back. */
+/* Contents of the rig files. robot is the robot as read back. */
 struct import_rig {
     const struct robot *robot;
     const struct import_plan *plan;
     const struct import_gains *gains;
     double supply_v;
     const char *pose;     /* initial pose */
-    double height_m;      /* height above the ground of a hanging floating base */
-    const char *standing; /* name of a pose to stand in, or NULL */
+    double height_m;      /* height of a hanging floating base above the ground */
+    const char *standing; /* name of the pose for standing, or NULL */
     double standing_height_m;
 };
 
-/* Write the rig with a hanging or fixed base, and the standing one. */
+/* Write the rig with a hanging or fixed base, and the rig with the standing robot. */
 enum error_code import_write_rig(const struct import_rig *rig, const char *path,
                                  struct error *error);
 enum error_code import_write_standing(const struct import_rig *rig, const char *path,

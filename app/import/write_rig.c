@@ -18,7 +18,7 @@ static double drive_current_limit(const struct robot_joint *joint)
     return 1.5 * joint->torque_limit / joint->sea.Kt;
 }
 
-/* Writes a key with a list of joints from first to last - 1 of a bus. */
+/* Writes a key with a list of the joints first to last - 1 of a bus. */
 static void write_joints(FILE *out, const struct import_rig *rig, const struct import_bus *bus,
                          const char *key, size_t first, size_t last)
 {
@@ -29,9 +29,9 @@ static void write_joints(FILE *out, const struct import_rig *rig, const struct i
     fputs("]", out);
 }
 
-/* Writes the boards of the joints of a bus: one board of servo valves, or motor boards with as many
- * axes each as the protocol allows and, for protocols that have one, the board that sends joint
- * torques. */
+/* Writes the boards for the joints of a bus: one board of servo valves, or motor boards with as
+ * many axes as the protocol allows. If the protocol has a board that sends joint torques, also
+ * writes this board. */
 static void write_axes(FILE *out, const struct import_rig *rig, const struct import_bus *bus)
 {
     const struct protocol_bench *bench = rig->plan->bench;
@@ -59,8 +59,8 @@ static void write_axes(FILE *out, const struct import_rig *rig, const struct imp
     }
 }
 
-/* Writes the boards of the sensors. Full scales are assumed: five times the robot's weight, N, and
- * the moment of that force at a lever of 0.2 m, N m; at most the range of 16 bits. */
+/* Writes the sensor boards. Full scales are assumed: five times the robot's weight, N, and the
+ * moment of this force at a lever of 0.2 m, N m. They are limited to the range of 16 bits. */
 static void write_sensor_boards(FILE *out, const struct import_rig *rig,
                                 const struct import_bus *bus)
 {
@@ -94,7 +94,7 @@ static bool plan_has_only_valves(const struct import_plan *plan)
     return count == plan->nbus;
 }
 
-/* Writes all buses with their boards; a bus of another protocol than the rig's names it. */
+/* Writes all buses with their boards. A bus names its protocol if it differs from the rig's. */
 static void write_buses(FILE *out, const struct import_rig *rig)
 {
     const struct import_plan *plan = rig->plan;
@@ -118,13 +118,14 @@ static void write_buses(FILE *out, const struct import_rig *rig)
 
 /* ---- gains ---- */
 
-/* Writes the servo task with the gains of each driven joint; other gains have the default 0. */
+/* Writes the servo task with the gains of each driven joint. Other gains keep their default of
+ * 0. */
 static void write_gains(FILE *out, const struct import_rig *rig)
 {
     const struct robot *robot = rig->robot;
     const bool only_valves = plan_has_only_valves(rig->plan);
 
-    /* Defaults first: without gains a joint is not moved */
+    /* Write the defaults first; a joint without gains does not move */
     fprintf(out,
             "\ntasks:\n"
             "  # From the drives and the inertias of the pose; how stands in the manual of import\n"
@@ -140,7 +141,7 @@ static void write_gains(FILE *out, const struct import_rig *rig)
         const struct robot_joint *joint = &robot->joint[j];
         const struct import_gains *gains = &rig->gains[j];
 
-        /* Electric drives get damping and a load term, cylinders an integral */
+        /* Electric drives get damping and a load term, cylinders get an integral term */
         if (joint->sea.present) {
             fprintf(out,
                     "      - {joints: [\"%s\"], kp_v_per_rad: %.5g, kd_v_s_per_rad: %.5g, "
@@ -158,8 +159,8 @@ static void write_gains(FILE *out, const struct import_rig *rig)
 
 /* ---- rigs ---- */
 
-/* Returns the full scale of torques, N m, 1.2 times the strongest joint's, and the current limit of
- * the strongest motor, A; 1 A without motors. */
+/* Returns the full scale of torques, N m: 1.2 times the torque of the strongest joint. *current_a
+ * receives the current limit of the strongest motor, A; 1 A without motors. */
 static double robot_find_strongest(const struct robot *robot, double *current)
 {
     double torque = 1.0, most = 0.0;
@@ -189,7 +190,7 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
         return code;
     }
 
-    /* Head, clock and integrator, then what the boards and the task need */
+    /* Write head, clock and integrator, then the data for the boards and the task */
     fprintf(file.out,
             "# Made by `coman-hil import`: a first rig for this robot, %s.\n"
             "# Supply, currents, encoders, full scales and gains are assumed.\n"
@@ -225,8 +226,8 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
     return whole_file_close(&file, ERROR_NONE, error);
 }
 
-/* Writes the materials of ground and robot: their stiffness follows the weight, so that the layers
- * give way by some tenths of a millimeter under all of it. */
+/* Writes the materials of ground and robot. Their stiffness is proportional to the weight, so that
+ * the layers deflect by some tenths of a millimeter under the whole weight. */
 static void write_materials(FILE *out, const struct robot *robot)
 {
     static const char *const name[] = {"ground", "shell"};

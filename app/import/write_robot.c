@@ -14,20 +14,19 @@ enum { COPY_BYTES_MAX = 16 << 20 };
 
 /* ---- values as text ---- */
 
-/* Numbers as text, a list when there are several. */
+/* Numbers as text; several numbers are a list. */
 struct written {
     char text[400];
 };
 
-/* Returns numbers as a YAML list, each with as many digits as it takes to read the same value
- * back. */
+/* Returns numbers as a YAML list. Each has as many digits as it needs to be read back exactly. */
 static struct written write_list(const double *value, size_t count)
 {
     struct written list = {"["};
     size_t used = 1;
 
     for (size_t i = 0; i < count; i++) {
-        const double real = value[i] == 0.0 ? 0.0 : value[i]; /* no -0 */
+        const double real = value[i] == 0.0 ? 0.0 : value[i]; /* avoids -0 */
         char text[32];
 
         for (int digits = 15; digits <= 17; digits++) {
@@ -43,7 +42,7 @@ static struct written write_list(const double *value, size_t count)
     return list;
 }
 
-/* Returns one number in the same way. */
+/* Returns one number as text. */
 static struct written write_real(double value)
 {
     struct written real = write_list(&value, 1);
@@ -54,7 +53,7 @@ static struct written write_real(double value)
     return real;
 }
 
-/* Returns a place as position and fixed-axis roll, pitch, yaw. */
+/* Returns a pose as text: position, and fixed-axis roll, pitch and yaw. */
 static struct written write_pose(const double xyz[3], const double R[9])
 {
     struct written place;
@@ -66,7 +65,7 @@ static struct written write_pose(const double xyz[3], const double R[9])
     return place;
 }
 
-/* Returns a text between double quotes; leaves out quotes, backslashes and non-ASCII characters. */
+/* Returns a text in double quotes. Omits quotes, backslashes and non-ASCII characters. */
 static struct written write_quoted(const char *text)
 {
     struct written quoted = {"\""};
@@ -84,7 +83,7 @@ static struct written write_quoted(const char *text)
 
 /* ---- parts ---- */
 
-/* Writes mass, center of mass and inertia, each on a line behind the indent. */
+/* Writes mass, center of mass and inertia, each on an indented line. */
 static void write_inertia(FILE *out, const struct robot_inertia *inertia, const char *indent)
 {
     fprintf(out, "%smass_kg: %s\n%scom_m: %s\n%sinertia_kg_m2: %s\n", indent,
@@ -92,8 +91,8 @@ static void write_inertia(FILE *out, const struct robot_inertia *inertia, const 
             write_list(inertia->I, 6).text);
 }
 
-/* Writes a drive: one of the catalogue by its file, and a hydraulic one with its triangle; an
- * assumed one by its numbers. */
+/* Writes a drive. A catalogue drive is written as its file name, with the triangle if it is
+ * hydraulic. An assumed drive is written as its numbers. */
 static void write_drive(FILE *out, const struct robot_joint *joint, const char *file)
 {
     const struct robot_hydraulic *cylinder = &joint->hydraulic;
@@ -116,7 +115,7 @@ static void write_drive(FILE *out, const struct robot_joint *joint, const char *
     }
 }
 
-/* Writes a joint: its place, limits, and drive; a continuous one has no stops. */
+/* Writes a joint: its pose, limits and drive. A continuous joint has no stops. */
 static void write_joint(FILE *out, const struct import_robot *from, size_t j)
 {
     const struct robot *robot = from->robot;
@@ -133,7 +132,7 @@ static void write_joint(FILE *out, const struct import_robot *from, size_t j)
             turns ? "rad" : "m", write_real(joint->lower).text, turns ? "rad" : "m",
             write_real(joint->upper).text, turns ? "torque_nm" : "force_n", joint->torque_limit);
 
-    /* A joint without limits has no stops to run into */
+    /* A joint without limits has no stops */
     if (from->source[j]->type == IMPORT_CONTINUOUS) {
         fputs("    stops: {enabled: false}\n", out);
     }
@@ -187,7 +186,7 @@ static void write_frames(FILE *out, const struct robot *robot)
     }
 }
 
-/* Writes a visual: its place, its shape with dimensions, and its color. */
+/* Writes a visual: its pose, its shape with dimensions, and its color. */
 static void write_visual(FILE *out, const struct robot *robot, const struct robot_visual *visual)
 {
     fprintf(out, "  - {name: \"%s\", body: \"%s\", %s,\n     ", visual->name,
@@ -217,7 +216,8 @@ static void write_visual(FILE *out, const struct robot *robot, const struct robo
     fputs("}\n", out);
 }
 
-/* Writes the force-torque sensors with what hangs on them, and the inertial sensor's frame. */
+/* Writes the force-torque sensors with the inertia below them, and the frame of the inertial
+ * sensor. */
 static void write_sensors(FILE *out, const struct robot *robot)
 {
     fputs(robot->nft ? "\nft_sensors:\n" : "", out);
@@ -233,7 +233,7 @@ static void write_sensors(FILE *out, const struct robot *robot)
     }
 }
 
-/* Writes the joints of one type that a pose moves from 0. */
+/* Writes the positions of a pose for the joints of one type, except zeros. */
 static void write_pose_joints(FILE *out, const struct robot *robot, const struct robot_pose *pose,
                               enum joint_type type)
 {
@@ -248,7 +248,7 @@ static void write_pose_joints(FILE *out, const struct robot *robot, const struct
     }
 }
 
-/* Writes the poses; one in which nothing moves is an empty map. */
+/* Writes the poses. A pose without positions is an empty map. */
 static void write_poses(FILE *out, const struct robot *robot)
 {
     fputs("\nposes:\n", out);
@@ -279,7 +279,8 @@ enum error_code import_write_robot(const struct import_robot *from, const char *
         return code;
     }
 
-    /* Sections in the order of the robot file's manual; each writes nothing when it is empty */
+    /* Sections in the order of the robot file's manual; each function writes nothing if its section
+     * is empty */
     fprintf(file.out,
             "# Made by `coman-hil import`; what was merged, dropped and assumed stands in the "
             "report\n# beside it, %s-import.txt. Drives are assumed: no such file has their "

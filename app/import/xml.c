@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads XML safely; see xml.h. */
+/* Reads XML safely, see xml.h. */
 #include "app/import/xml.h"
 
 #include "app/import/model.h"
@@ -15,12 +15,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { NUMBER_MAX = 64 }; /* characters of one number, at most */
+enum { NUMBER_MAX = 64 }; /* largest number of characters in a number */
 
 /* ---- libxml2 ---- */
 
-/* What is used of it. It is loaded by the first that reads XML: it comes with 40 MB of other
- * libraries, which a program that runs a rig would relocate and map at each start. */
+/* The functions of libxml2 that are used. The library is loaded when a file is read, not at the
+ * start of the program: it brings 40 MB of other libraries, which a program that only runs a rig
+ * would have to load. */
 #define XML_FUNCTIONS(DO)                                                                          \
     DO(xmlAddPrevSibling)                                                                          \
     DO(xmlCtxtReadMemory)                                                                          \
@@ -46,7 +47,7 @@ static struct {
     XML_FUNCTIONS(XML_MEMBER)
 } library;
 
-/* Loads libxml2, once. It stays loaded. */
+/* Loads libxml2 once, and never unloads it. */
 static enum error_code xml_load_library(struct error *error)
 {
     void *handle;
@@ -72,8 +73,8 @@ static enum error_code xml_load_library(struct error *error)
 
 /* ---- documents ---- */
 
-/* Stops the parser where a document type begins, before any of it is read: it could define entities
- * that grow without bounds or name other files. */
+/* Stops the parser at the start of a document type, before reading it. A document type could define
+ * entities that grow without bounds, or name other files. */
 static void xml_refuse_doctype(void *context, const xmlChar *name, const xmlChar *external,
                                const xmlChar *system)
 {
@@ -86,14 +87,15 @@ static void xml_refuse_doctype(void *context, const xmlChar *name, const xmlChar
     library.xmlStopParser(parser);
 }
 
-/* Drops libxml2's messages, which would go to stderr. */
+/* Discards libxml2's messages, which would go to stderr. */
 static void xml_ignore_message(void *context, const char *format, ...)
 {
     (void)context;
     (void)format;
 }
 
-/* Checks whether an '=' before text gives an attribute its value: a quote follows, after blanks. */
+/* Checks whether an '=' before text assigns a value to an attribute: a quote follows, after
+ * blanks. */
 static bool xml_begins_value(const char *text, const char *end)
 {
     while (text < end && strchr(" \t\r\n", *text) && *text) {
@@ -102,10 +104,10 @@ static bool xml_begins_value(const char *text, const char *end)
     return text < end && (*text == '"' || *text == '\'');
 }
 
-/* Bounds attributes and namespaces, on which libxml2 spends quadratic work: it compares each
- * attribute of an element with all others, and each prefix with all namespaces in scope. Looks at
- * bytes and not at the grammar, so that nothing malformed can hide a tag: no tag goes on beyond the
- * next '<'. */
+/* Limits attributes and namespaces, because libxml2 needs quadratic time for them: it compares each
+ * attribute of an element with all others, and each prefix with all namespaces in scope. It
+ * examines bytes and ignores the grammar, so malformed text cannot hide a tag: each tag ends before
+ * the next '<'. */
 static enum error_code xml_check_bounds(const char *name, const char *text, size_t size,
                                         struct error *error)
 {
@@ -115,7 +117,7 @@ static enum error_code xml_check_bounds(const char *name, const char *text, size
 
     for (const char *at = text; at < end; at++) {
         switch (*at) {
-        /* A byte 0 would end the text for some functions and hide what follows */
+        /* Refuse a zero byte: some functions would end the text there and ignore the rest */
         case '\0':
             return import_error(error, name, line,
                                 "found a byte 0, expected text in UTF-8: `iconv -t UTF-8` makes it "
@@ -123,7 +125,7 @@ static enum error_code xml_check_bounds(const char *name, const char *text, size
         case '\n':
             line++;
             break;
-        /* A new tag: its attributes are counted from 0, namespaces add up */
+        /* A new tag: count its attributes from 0; namespaces add up */
         case '<':
             attributes = 0;
             break;
@@ -147,8 +149,8 @@ static enum error_code xml_check_bounds(const char *name, const char *text, size
     return ERROR_NONE;
 }
 
-/* Chooses the encoding to read a text in, whatever it declares: UTF-8, or else Latin-1. In both
- * ASCII stands for itself, as xml_check_bounds assumes. */
+/* Chooses the encoding for a text: UTF-8 if it is valid, else Latin-1, and ignores the declaration.
+ * Both represent ASCII as bytes, as xml_check_bounds assumes. */
 static const char *xml_find_encoding(const char *text, size_t size)
 {
     for (size_t at = 0, length; at < size; at += length) {
@@ -181,7 +183,7 @@ enum error_code xml_text_open(struct xml_file *file, const char *name, const cha
         return code;
     }
 
-    /* Parse with everything off that reaches beyond the text; a document type stops the parser */
+    /* Parse without features that reach beyond the text; a document type stops the parser */
     library.xmlSetGenericErrorFunc(NULL, xml_ignore_message);
     parser = library.xmlNewParserCtxt();
     if (!parser) {
@@ -248,7 +250,7 @@ const char *xml_name(const struct xml_file *file, const xmlNode *node)
     return node->_private ? node->_private : file->name;
 }
 
-/* Marks a copy of an element, and all elements in it, with the file that the original came from. */
+/* Marks a copy of an element, and all elements in it, with the file of the original. */
 static void xml_mark_copy(const struct xml_file *file, const xmlNode *from, xmlNode *copy)
 {
     const xmlNode *child = xml_child(from, NULL);
@@ -316,7 +318,7 @@ void xml_check_elements(const struct xml_file *file)
     }
 }
 
-/* Returns the first element of that name (NULL: any) from a sibling on, or NULL. */
+/* Returns the first element with this name (NULL: any) from a sibling on, or NULL. */
 static xmlNode *xml_first_from(xmlNode *node, const char *name)
 {
     while (node && (node->type != XML_ELEMENT_NODE || (name && !xml_is(node, name)))) {
@@ -335,7 +337,7 @@ xmlNode *xml_next(const xmlNode *node, const char *name)
     return xml_first_from(node->next, name);
 }
 
-/* Returns the text among the nodes of a list, "" when there is none. */
+/* Returns the first text among the nodes of a list; "" if there is none. */
 static const char *xml_text_of(const xmlNode *first)
 {
     while (first && first->type != XML_TEXT_NODE && first->type != XML_CDATA_SECTION_NODE) {
@@ -396,7 +398,7 @@ bool xml_try_reals(const char *text, size_t count, double *value)
         text += length;
     }
 
-    /* More numbers than expected are as wrong as fewer */
+    /* Refuse further numbers after the expected ones */
     return sound && text[strspn(text, blanks)] == '\0';
 }
 
@@ -408,7 +410,7 @@ void xml_parse_reals(const struct xml_file *file, const xmlNode *node, const cha
     }
     memset(value, 0, count * sizeof *value);
 
-    /* "$" hints at xacro that has not been run */
+    /* "$" suggests an xacro file that has not been expanded */
     if (strchr(text, '$')) {
         xml_refuse(file, node,
                    "found %s \"%.48s\" of <%.40s>, which xacro has yet to compute: run `xacro FILE "
@@ -457,7 +459,7 @@ void xml_names_add(struct xml_names *names, const char *name, const char *above,
     names->count++;
 }
 
-/* Compares a name with a text, then its element with a kind (NULL: any). */
+/* Compares a name with a text, then its element with a kind. kind NULL = any. */
 static int xml_compare_name(const struct xml_name *name, const char *text, const char *kind)
 {
     int order = strcmp(name->name, text);
@@ -465,7 +467,7 @@ static int xml_compare_name(const struct xml_name *name, const char *text, const
     return order || !kind ? order : strcmp((const char *)name->node->name, kind);
 }
 
-/* Orders names for qsort; equal ones keep the order of the file. */
+/* Orders names for qsort; equal names keep the order of the file. */
 static int xml_compare_names(const void *a, const void *b)
 {
     const struct xml_name *x = a, *y = b;
