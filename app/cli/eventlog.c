@@ -14,8 +14,8 @@ static const char *eventlog_prefix(const struct eventlog *log, uint64_t key)
     return log->prefix ? log->prefix(key) : "";
 }
 
-/* Ends the entry's window. During a flood it starts another window of twice the length, which
- * suppresses all lines. */
+/* Ends the entry's window. During a flood it starts another window of twice the length, and
+ * suppresses all lines in it. */
 static void eventlog_end_window(struct eventlog *log, struct eventlog_entry *entry, int64_t now_ns)
 {
     bool flood = entry->held > 0;

@@ -180,7 +180,7 @@ struct recording {
     bool *enabled;
     double gain, supply; /* supply 0 = as in the rig */
     bool voltage_before;
-    bool is_torque; /* voltage holds torques, N m */
+    bool is_torque; /* the array voltage contains torques, N m */
 };
 
 /* Reads a bench file. Memory is from arena. Errors have file:line:column. */

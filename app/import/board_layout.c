@@ -121,13 +121,13 @@ static enum error_code plan_add_bus(struct import_plan *plan, const char *protoc
     return ERROR_NONE;
 }
 
-/* Checks whether a joint has a motor, or if valves, a servo valve. */
+/* Checks whether a joint has a motor or, if `valves`, a servo valve. */
 static bool joint_is_for(const struct robot_joint *joint, bool valves)
 {
     return valves ? joint->hydraulic.present : joint->sea.present;
 }
 
-/* Counts the joints with motors, or if valves, with servo valves, on the limb of a body. */
+/* Counts the joints with motors or, if `valves`, with servo valves, on the limb of a body. */
 static size_t limb_count_axes(const struct robot *robot, int limb, bool valves)
 {
     size_t count = 0;

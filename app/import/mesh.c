@@ -221,7 +221,7 @@ enum error_code import_write_tint(const struct import_mesh *mesh, int tint, cons
 /* ---- volume and inertia ---- */
 
 /* Computes a face's corners relative to the apex. Returns the volume of the pyramid from apex to
- * face, m3: with its sign if exact, else its magnitude. */
+ * face, m3: with its sign if `exact`, else its magnitude. */
 static double pyramid_measure(const struct import_mesh *mesh, size_t face, const double apex[3],
                               bool exact, double corner[3][3])
 {

@@ -52,7 +52,7 @@ static bool collada_failed(const struct collada *c)
     return c->to->error->code != ERROR_NONE;
 }
 
-/* Counts a visit of an element or, if all, of its whole subtree. Refuses a scene with too many
+/* Counts a visit of an element or, if `all`, of its whole subtree. Refuses a scene with too many
  * visits. */
 static void collada_visit(struct collada *c, const xmlNode *node, bool all)
 {
@@ -217,7 +217,7 @@ static void collada_refuse_word(const struct collada *c, const xmlNode *node, co
                (const char *)node->name, expected);
 }
 
-/* Reads an integer attribute, at least 0. otherwise is the default. */
+/* Reads an integer attribute, at least 0. `otherwise` is the default. */
 static int64_t collada_read_whole(const struct collada *c, const xmlNode *node, const char *name,
                                   int64_t otherwise)
 {

@@ -60,7 +60,7 @@ bool reader_is_one_of(const xmlNode *node, const char *const name[]);
 void reader_make_room(const struct import_reader *r, size_t links, size_t joints, size_t shapes,
                       size_t sensors);
 
-/* Refuses links or joints that share a name. what is the file's word for a link. */
+/* Refuses links or joints that share a name. `what` is the file's word for a link. */
 void reader_check_names(const struct import_reader *r, const char *what);
 
 /* ---- MJCF ---- */

@@ -86,8 +86,8 @@ void xml_refuse(const struct xml_file *file, const xmlNode *node, const char *fo
 /* Returns the text of an attribute that must exist and not be empty. On an error returns "". */
 const char *xml_need(const struct xml_file *file, const xmlNode *node, const char *name);
 
-/* Parses exactly count numbers, separated by blanks, in a text of the node. what names the numbers
- * in messages. On an error the values are 0. */
+/* Parses exactly count numbers, separated by blanks, in a text of the node. `what` names the
+ * numbers in messages. On an error the values are 0. */
 void xml_parse_reals(const struct xml_file *file, const xmlNode *node, const char *what,
                      const char *text, size_t count, double *value);
 

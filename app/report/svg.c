@@ -246,7 +246,7 @@ static void put_dot(const struct page *page, size_t s, double x, double y)
     fputs("/>", page->out);
 }
 
-/* Adds a point to the path: a line to the point if drawing, else a move to it. */
+/* Adds a point to the path: a line to the point if `drawing`, else a move to it. */
 static void put_line_point(const struct page *page, const struct svg_series *series, size_t i,
                            bool drawing)
 {
