@@ -10,12 +10,13 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-/* Frames of a client, and new connections, handled per turn, so that others get their turn. */
+/* Maximum number of a client's frames and of new connections per turn, so that one client cannot
+ * block the others. */
 enum { FRAMES_A_TURN = 32, ACCEPTS_A_TURN = 8 };
 
 #define SILENCE_NS (10 * CLOCK_SECOND) /* timeout for a request, and for the token */
 
-/* Longest time without progress: of messages; of a file, which a busy browser reads in pieces. */
+/* Timeout without progress, of messages and of files. A busy browser reads a file in pieces. */
 #define PATIENCE_NS (10 * CLOCK_SECOND)
 #define FILE_PATIENCE_NS (120 * CLOCK_SECOND)
 
@@ -37,7 +38,8 @@ void client_close(struct viewer *viewer, struct viewer_client *client)
     }
 }
 
-/* Sends some bytes; returns their number, 0 = none possible now, -1 = the connection is lost. */
+/* Sends some bytes. Returns the number sent; 0 = the socket is full; -1 = the connection is
+ * lost. */
 static ssize_t client_send_some(const struct viewer_client *client, const void *from, size_t size)
 {
     for (;;) {
@@ -119,7 +121,7 @@ bool client_send_object(struct viewer *viewer, struct viewer_client *client, jso
     char *text = size > 0 ? (char *)client_room(viewer, client, WEBSOCKET_HEADER + size) : NULL;
     bool sent = false;
 
-    /* Writes the text after space for the largest header, and moves it to the end of the actual
+    /* Write the text behind space for the longest header, then move it to follow the actual
      * header */
     if (text && json_dumpb(object, text + WEBSOCKET_HEADER, size, flags) == size) {
         size_t header = websocket_header((uint8_t *)text, WEBSOCKET_TEXT, size);
@@ -150,8 +152,8 @@ void client_bye(struct viewer *viewer, struct viewer_client *client, enum websoc
 
 /* ---- in ---- */
 
-/* Handles a complete frame: part of a message, or a control frame. Returns false if no more frames
- * are to be read. */
+/* Handles a complete frame: part of a message, or a control frame. Returns false if the caller must
+ * not read more frames. */
 static bool client_take_frame(struct viewer *viewer, struct viewer_client *client,
                               const struct websocket_frame *frame)
 {
@@ -274,7 +276,7 @@ void client_check(struct viewer *viewer, struct viewer_client *client)
     if (viewer->ended) {
         client_tell_end(viewer, client);
     }
-    /* Disconnects a client that reads nothing, sends nothing, or got its last message */
+    /* Disconnect a client that reads nothing, sends nothing, or has received its last message */
     if (client_waiting(client) > 0 && viewer->now_ns - client->taken_ns > patience_ns) {
         viewer->counters.cut_slow++;
         client_close(viewer, client);
@@ -323,8 +325,8 @@ static bool origin_is_shared(const struct viewer_origin *origin)
     return origin_equal(origin, &own[0]) || origin_equal(origin, &own[1]);
 }
 
-/* Ranks connections by how soon they may be dropped: 4 = no request yet, 3 = no token, 2 =
- * answered, 0 = has shown a token. */
+/* Ranks connections for dropping, the highest rank first: 4 = no request yet, 3 = no token, 2 =
+ * answered, 0 = has a valid token and is never dropped. */
 static int client_idleness(const struct viewer_client *client)
 {
     return client->mode == CLIENT_SOCKET ? (client->right == RIGHT_NONE ? 3 : 0)
@@ -333,8 +335,8 @@ static int client_idleness(const struct viewer_client *client)
                                          : 1;
 }
 
-/* Finds the connection to drop first, of one address or (origin NULL) of all; NULL = all have
- * shown a token. */
+/* Finds the connection to drop first, from one address, or from all if origin is NULL. Returns NULL
+ * if all connections have a valid token. */
 static struct viewer_client *viewer_find_idlest(struct viewer *viewer,
                                                 const struct viewer_origin *origin)
 {
@@ -395,8 +397,8 @@ bool viewer_give_place(struct viewer *viewer, struct viewer_client *client, enum
 
 /* ---- new connections ---- */
 
-/* Makes a place for a connection from an address. Drops an idle connection if the address has too
- * many without a token, or if all places are used. NULL = no place. */
+/* Makes a place for a connection from an address. Drops an idle connection if this address has too
+ * many without a token, or if all places are used. Returns NULL if no place is free. */
 static struct viewer_client *viewer_make_place(struct viewer *viewer,
                                                const struct viewer_origin *origin)
 {

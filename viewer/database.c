@@ -8,7 +8,7 @@
 
 #define MEMORY ((size_t)64 << 20) /* reserved address space */
 
-/* Makes the names of a signal's values, by number. */
+/* Lists the names of a signal's values, by number. */
 static json_t *database_values(const struct dbc_signal *signal)
 {
     json_t *values = json_object();

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the description that a client gets first: the run, its signals, buses, boards and faults,
- * and the scene with bodies, joints, shapes and contacts. Lengths in m, quaternions wxyz. Body
- * indices: the robot's bodies, then the free ones; -1 is the world. */
+/* Writes the first message to a client. It describes the run, its signals, buses, boards and
+ * faults, and the scene: bodies, joints, shapes, contacts. Lengths in m, quaternions wxyz. Body
+ * indices count the robot's bodies, then the free bodies; -1 is the world. */
 #include "viewer/private.h"
 
 #include "base/array.h"
@@ -21,7 +21,8 @@ static json_t *hello_numbers(const double *value, size_t count)
     return array;
 }
 
-/* Describes a body: parent (-1 = the world), mass, center of mass and inertia about it. */
+/* Describes a body: parent (-1 = the world), mass, center of mass, inertia about the center of
+ * mass. */
 static json_t *scene_body(const char *name, int parent, const struct robot_inertia *inertia)
 {
     return json_pack("{s:o, s:i, s:f, s:o, s:o}", "name", control_text(name), "parent", parent,
@@ -29,7 +30,7 @@ static json_t *scene_body(const char *name, int parent, const struct robot_inert
                      "inertia_kg_m2", hello_numbers(inertia->I, 6));
 }
 
-/* Lists the robot's bodies, then the free ones. */
+/* Lists the robot's bodies, then the free bodies. */
 static json_t *scene_bodies(const struct rig *rig)
 {
     json_t *array = json_array();
@@ -102,7 +103,8 @@ static json_t *scene_surface(const struct viewer *viewer, size_t index)
     return object;
 }
 
-/* Checks whether the rig makes contact surfaces of a body's capsules, which then show them. */
+/* Checks whether the rig makes contact surfaces from a body's capsules. The page then shows the
+ * surfaces and not the capsules. */
 static bool capsule_is_surface(const struct rig *rig, const struct robot_capsule *capsule)
 {
     for (size_t i = 0; i < rig->contact.nsurface; i++) {
@@ -202,7 +204,7 @@ json_t *hello_scene(const struct viewer *viewer)
 
 /* ---- signals ---- */
 
-/* Returns the unit at the end of a signal's name; "" = none. */
+/* Returns the unit, the last part of a signal's name; "" = none. */
 static const char *signal_unit(const char *name)
 {
     static const struct {
@@ -336,7 +338,7 @@ static json_t *hello_faults(const struct viewer *viewer)
     return array;
 }
 
-/* ---- the whole description ---- */
+/* ---- the complete description ---- */
 
 /* Describes the run, or the recording in playback. */
 static json_t *hello_run(const struct viewer *viewer)

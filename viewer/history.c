@@ -6,19 +6,19 @@
 #include <stdbool.h>
 #include <string.h>
 
-/* Values of a column's slot if it is not in the pool. */
+/* Values of a column's slot if the column is not in the pool. */
 enum { COLUMN_CONSTANT = -1, COLUMN_DROPPED = -2 };
 
 struct history_column {
     int32_t slot;
-    float constant; /* of COLUMN_CONSTANT */
+    float constant; /* all values, if the slot is COLUMN_CONSTANT */
 };
 
 struct history_block {
     uint64_t first; /* number of its first row */
     size_t count;
     int64_t time_ns[HISTORY_ROWS];
-    struct history_column *column; /* by signal; columns of the open block are in the stage */
+    struct history_column *column; /* by signal; the open block has its columns in the stage */
 };
 
 struct history {
@@ -26,7 +26,7 @@ struct history {
     struct history_block *block; /* HISTORY_BLOCKS, a ring */
     uint64_t oldest, next;       /* block numbers, counted from the first one */
     bool open;                   /* the newest block accepts rows */
-    uint64_t bare;               /* all blocks before it have only columns of chosen signals */
+    uint64_t bare;               /* blocks before this number have only chosen signals */
     float (*stage)[HISTORY_ROWS];
     float (*pool)[HISTORY_ROWS];
     int32_t *spare; /* free slots of the pool */
@@ -59,7 +59,7 @@ enum error_code history_create(size_t nsignal, size_t columns, struct arena *are
     for (size_t b = 0; b < HISTORY_BLOCKS; b++) {
         history->block[b].column = column + b * nsignal;
     }
-    /* The first slots are used first */
+    /* Fill the stack of free slots so that the first slot is used first */
     while (history->nspare < columns) {
         history->spare[history->nspare] = (int32_t)(columns - 1 - history->nspare);
         history->nspare++;
@@ -70,7 +70,7 @@ enum error_code history_create(size_t nsignal, size_t columns, struct arena *are
 
 /* ---- blocks ---- */
 
-/* Returns the block with a number. */
+/* Returns the block with this number. */
 static struct history_block *history_block(const struct history *history, uint64_t number)
 {
     return &history->block[number % HISTORY_BLOCKS];
@@ -85,8 +85,8 @@ static void history_drop_column(struct history *history, struct history_column *
     column->slot = COLUMN_DROPPED;
 }
 
-/* Frees the columns of a block; those of chosen signals only if chosen_too. The open block has
- * none in the pool. */
+/* Frees the columns of a block. Columns of chosen signals are kept unless chosen_too. The open
+ * block has no columns in the pool. */
 static void history_drop_block(struct history *history, uint64_t number, bool chosen_too)
 {
     struct history_block *block = history_block(history, number);
@@ -108,8 +108,8 @@ static void history_drop_oldest(struct history *history)
     history->bare = history->bare > history->oldest ? history->bare : history->oldest;
 }
 
-/* Takes a slot of the pool; drops the oldest columns until there is one. -1 = only the requesting
- * block is left. */
+/* Takes a slot from the pool; drops the oldest columns until a slot is free. Returns -1 if only the
+ * requesting block is left. */
 static int32_t history_take_slot(struct history *history, uint64_t asking)
 {
     while (history->nspare == 0) {
@@ -151,7 +151,7 @@ static void history_close_block(struct history *history)
     }
 }
 
-/* Opens the next block; drops the oldest if there are HISTORY_BLOCKS. */
+/* Opens the next block; drops the oldest block if there are HISTORY_BLOCKS. */
 static void history_open_block(struct history *history)
 {
     uint64_t first = history_end(history);
@@ -205,7 +205,7 @@ void history_put(struct history *history, int64_t time_ns, const double *value)
 {
     struct history_block *block;
 
-    /* If time went back, removes the rows at and after the new time */
+    /* If time went back, remove the rows at and after the new time */
     if (history->next > history->oldest) {
         block = history_block(history, history->next - 1);
         if (block->count > 0 && block->time_ns[block->count - 1] >= time_ns) {
@@ -229,7 +229,7 @@ void history_choose(struct history *history, size_t signal)
 {
     size_t at = 0;
 
-    /* Moves the chosen signal to the front; a full list loses its last signal */
+    /* Move the chosen signal to the front; a full list loses its last signal */
     while (at < history->nchosen && history->chosen[at] != signal) {
         at++;
     }
@@ -284,7 +284,7 @@ uint64_t history_find(const struct history *history, int64_t time_ns)
 {
     uint64_t low = history->oldest, high = history->next;
 
-    /* Finds the first block whose last row is at or after the time */
+    /* Find the first block whose last row is at or after the time */
     while (low < high) {
         uint64_t middle = (low + high) / 2;
         const struct history_block *block = history_block(history, middle);

@@ -61,8 +61,8 @@ static bool list_has_word(const char *list, const char *word)
     return false;
 }
 
-/* Reads the request line, "GET /path HTTP/1.1", and removes a query. Returns 200 or the status to
- * refuse with. */
+/* Parses the request line, "GET /path HTTP/1.1", and removes a query. Returns 200, or the status of
+ * the refusal. */
 static int request_read_first_line(const char *line, size_t size, struct http_request *request)
 {
     static const char protocol[] = " HTTP/1.1";
@@ -97,7 +97,7 @@ static int request_keep_once(const char *value, size_t size, char to[REQUEST_TEX
     return to[0] ? 400 : request_copy_value(value, size, to) ? 200 : 431;
 }
 
-/* Reads a header line; returns 200 or the status to refuse with. */
+/* Parses a header line. Returns 200, or the status of the refusal. */
 static int request_read_header(const char *line, size_t size, struct http_request *request,
                                struct upgrade_signs *signs)
 {
@@ -105,7 +105,7 @@ static int request_read_header(const char *line, size_t size, struct http_reques
     size_t name = colon ? (size_t)(colon - line) : 0, rest = colon ? size - name - 1 : 0;
     char word[REQUEST_TEXT];
 
-    /* The name has no blanks, and neither has a control character: a zero would hide the rest */
+    /* Refuse a name with blanks, and control characters: a zero byte would hide the rest */
     if (name == 0 || memchr(line, ' ', name) || memchr(line, '\t', name)) {
         return 400;
     }
@@ -129,10 +129,10 @@ static int request_read_header(const char *line, size_t size, struct http_reques
         return request_keep_once(colon + 1, rest, request->key);
     }
     if (IS("Content-Length") || IS("Transfer-Encoding")) {
-        return 413; /* a GET must have no body here */
+        return 413; /* a GET must not have a body */
     }
 
-    /* The words that request a WebSocket; other headers are ignored at any length */
+    /* Evaluate the headers that request a WebSocket; other headers may have any length */
     if (IS("Upgrade") || IS("Connection") || IS("Sec-WebSocket-Version")) {
         if (!request_copy_value(colon + 1, rest, word)) {
             return 431;
@@ -154,7 +154,7 @@ static bool is_websocket_key(const char *key)
     return strlen(key) == 24 && strspn(key, digits) == 22 && strcmp(key + 22, "==") == 0;
 }
 
-/* Reads the lines of a complete request; returns 200 or the status to refuse with. */
+/* Parses the lines of a complete request. Returns 200, or the status of the refusal. */
 static int request_read_lines(const char *text, size_t size, struct http_request *request)
 {
     struct upgrade_signs signs = {0};
@@ -196,7 +196,7 @@ int http_request_parse(const char *text, size_t size, struct http_request *reque
 
 /* ---- allowed senders ---- */
 
-/* Splits "host:port" or "[host]:port"; the default port is 80. Returns false if it is neither. */
+/* Splits "host:port" or "[host]:port"; the default port is 80. Returns false for other text. */
 static bool split_host(const char *text, char host[REQUEST_TEXT], char port[REQUEST_TEXT])
 {
     const char *colon = strrchr(text, ':');
@@ -241,8 +241,8 @@ bool http_request_is_ours(const struct http_request *request, const struct http_
         return false;
     }
 
-    /* A name can be made to point to this machine (DNS rebinding); a numeric address and localhost
-     * cannot */
+    /* Accept only numeric addresses and localhost: an attacker can make any other name point to
+     * this machine (DNS rebinding) */
     if (strcasecmp(host, "localhost") == 0
             ? !bound->loopback && !bound->any
             : !is_same_address(host, bound->host) && !(bound->any && is_numeric_address(host))) {

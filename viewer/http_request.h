@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * An HTTP/1.1 request of a browser for the page: the request line and the few relevant headers,
- * each with a maximum length. Any other request is answered with a status of RFC 9110. It also
- * checks the sender: the Host must be an address of this server. The Origin, if there is one, must
- * be that of the server's own pages. So no page of another site reaches the server through a name
- * that points to this machine (DNS rebinding). No memory is allocated. Not RT-safe: it runs only in
- * the viewer's thread.
+ * Parses a browser's HTTP/1.1 request: the request line and the relevant headers, each with a
+ * maximum length. The server answers any other request with a status of RFC 9110.
+ *
+ * It also checks the sender. The Host must be an address of this server. The Origin, if present,
+ * must be the origin of the server's own pages. A page of another site therefore cannot reach the
+ * server through a name that points to this machine (DNS rebinding). No memory is allocated. Not
+ * RT-safe: it runs only in the viewer's thread.
  */
 #ifndef VIEWER_HTTP_REQUEST_H
 #define VIEWER_HTTP_REQUEST_H
@@ -27,8 +28,8 @@ struct http_request {
     bool upgrade;
 };
 
-/* Reads a request from its first size bytes. Returns 0 if it is incomplete, 200 if it is valid,
- * otherwise the status to refuse it with; used is its length. */
+/* Parses a request from its first `size` bytes. Returns 0 if the request is incomplete, 200 if it
+ * is valid, otherwise the HTTP status of the refusal. *used receives the length of the request. */
 int http_request_parse(const char *text, size_t size, struct http_request *request, size_t *used);
 
 /* The address that a server is bound to. */
@@ -39,8 +40,8 @@ struct http_bound {
     bool any;      /* 0.0.0.0 or ::, all addresses of the machine */
 };
 
-/* Checks whether a request was sent to this server by one of its pages, or by a program that is
- * not a page. */
+/* Checks whether a request has the right Host, and comes from one of the server's pages or from a
+ * program without an Origin. */
 bool http_request_is_ours(const struct http_request *request, const struct http_bound *bound);
 
 #endif

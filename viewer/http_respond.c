@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Answers HTTP requests: the page (the bundle viewer/page.js.gz, included in the program), meshes,
- * the database of messages, and WebSockets. */
+/* Answers HTTP requests: for the page (the bundle viewer/page.js.gz, included in the program), for
+ * meshes, for the database of messages, and for WebSockets. */
 #include "viewer/private.h"
 
 #include "base/array.h"
@@ -21,8 +21,8 @@ __asm__(".section .rodata\n"
         ".byte 0\n"
         ".previous\n");
 
-/* Headers of each answer: loads nothing from other sites, forbids frames of other sites, and
- * disables caching, because tokens and bundles change. */
+/* Headers of each answer. The page cannot load anything from other sites, and other sites cannot
+ * embed it. Caching is disabled, because tokens and bundles change. */
 #define HEADERS                                                                                    \
     "Content-Security-Policy: default-src 'self'; base-uri 'none'; form-action 'none'; "           \
     "frame-ancestors 'none'\r\n"                                                                   \
@@ -51,7 +51,7 @@ static const char index_page[] =
     "<body><noscript>This page needs JavaScript.</noscript></body>\n"
     "</html>\n";
 
-/* The icon, a knee. */
+/* The page's icon: a knee, SVG. */
 static const char icon[] =
     "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 32 32\"><rect width=\"32\" "
     "height=\"32\" rx=\"7\" fill=\"#1f6feb\"/><path d=\"M12 5l7 10-7 10h9\" fill=\"none\" "
@@ -80,7 +80,7 @@ static const struct status_text texts[] = {
     {505, "HTTP Version Not Supported", "Only HTTP/1.1 is understood."},
 };
 
-/* Returns the texts of a status; for an unknown one those of 400. */
+/* Returns the texts of a status; for an unknown status, the texts of 400. */
 static const struct status_text *find_status_text(int status)
 {
     for (size_t i = 0; i < ARRAY_COUNT(texts); i++) {
@@ -91,8 +91,7 @@ static const struct status_text *find_status_text(int status)
     return &texts[1];
 }
 
-/* Sends a header, then a copied text (NULL = none), then the bytes of a file in constant
- * memory. */
+/* Sends a header, a text (copied; NULL = none), and the bytes of a file in constant memory. */
 static void respond_with(struct viewer *viewer, struct viewer_client *client, int status,
                          const struct viewer_file *file, const char *text)
 {
@@ -123,7 +122,8 @@ static void respond_text(struct viewer *viewer, struct viewer_client *client, in
 
 /* ---- tokens ---- */
 
-/* Compares tokens in a time that is independent of the number of equal characters. */
+/* Compares tokens in constant time, so that the time does not reveal the number of equal
+ * letters. */
 static bool token_is(const char *token, const char *given)
 {
     unsigned difference = 0;
@@ -163,7 +163,8 @@ static bool respond_find_page(const char *path, struct viewer_file *file)
     return true;
 }
 
-/* Finds what a path of the form PREFIX NUMBER counts; returns false for other paths. */
+/* Parses the number of a path of the form PREFIX NUMBER. The number must be less than count.
+ * Returns false for other paths. */
 static bool respond_find_number(const char *path, const char *prefix, size_t count, int64_t *number)
 {
     const size_t length = strlen(prefix);
@@ -172,9 +173,9 @@ static bool respond_find_number(const char *path, const char *prefix, size_t cou
            text_to_int(path + length, 0, (int64_t)count - 1, number);
 }
 
-/* Finds data of the run, which need a token: the meaning of the buses' messages, events, files of
- * the recording, rows of a second recording, meshes of surfaces and of visuals. Returns the status;
- * why: the reason why a visual has no mesh. */
+/* Finds data of the run, which need a token: the database of messages, events, files of the
+ * recording, rows of a second recording, and meshes of surfaces and visuals. Returns the HTTP
+ * status. why: receives the reason if a visual has no mesh. */
 static int respond_find_data(struct viewer *viewer, const char *path, struct viewer_file *file,
                              struct error *why)
 {
@@ -216,7 +217,7 @@ static int respond_find_data(struct viewer *viewer, const char *path, struct vie
     return found ? 200 : 404;
 }
 
-/* Changes the connection to a WebSocket, which carries messages from now on. */
+/* Upgrades the connection to a WebSocket. */
 static void respond_upgrade(struct viewer *viewer, struct viewer_client *client,
                             const struct http_request *request)
 {
@@ -242,8 +243,8 @@ void viewer_respond(struct viewer *viewer, struct viewer_client *client, int sta
     struct error why = {.text = ""};
     struct viewer_file file;
 
-    /* Invalid requests, and requests to another server, are refused. The page itself is public; its
-     * data need a token */
+    /* Refuse invalid requests, and requests for another host. The page is public; its data need a
+     * token */
     if (status == 200 && !http_request_is_ours(request, &viewer->bound)) {
         viewer->counters.refused++;
         status = 403;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Executes the messages of clients. Requests for the control socket are sent there as lines over
- * the client's own connection; the answers become messages. */
+/* Executes the messages of clients. A request for the control socket is sent to the socket as a
+ * line, over a connection of this client. The answer becomes a message. */
 #include "viewer/private.h"
 
 #include "control/parse.h"
@@ -41,8 +41,7 @@ static bool control_link_send(struct viewer_client *client, const char *text, si
     struct iovec part[2] = {{(void *)(uintptr_t)text, size}, {(char[]){'\n'}, 1}};
     const struct msghdr line = {.msg_iov = part, .msg_iovlen = 2};
 
-    /* Sends all or nothing: the socket's buffer is much larger than a message, and is read
-     * immediately */
+    /* A partial send counts as a failure: the socket's buffer is much larger than a message */
     return client->control >= 0 &&
            sendmsg(client->control, &line, MSG_NOSIGNAL | MSG_DONTWAIT) == (ssize_t)size + 1;
 }
@@ -61,7 +60,7 @@ void control_link_read(struct viewer *viewer, struct viewer_client *client)
     }
     client->line_size += (size_t)count;
 
-    /* Each line is a message; our server sends no line longer than the buffer */
+    /* Each line is a message; the control socket sends no line longer than the buffer */
     while ((end = memchr(client->line, '\n', client->line_size))) {
         size_t size = (size_t)(end - client->line);
 
@@ -76,8 +75,8 @@ void control_link_read(struct viewer *viewer, struct viewer_client *client)
 
 /* ---- answers ---- */
 
-/* Answers a message with its id, ok, and the body; takes ownership of the body (NULL = no
- * memory). */
+/* Answers a message with its id, ok, and the body. Takes ownership of the body; NULL = no
+ * memory. */
 static void client_answer(struct viewer *viewer, struct viewer_client *client,
                           const struct viewer_message *message, json_t *body)
 {
@@ -117,8 +116,8 @@ static void client_send_hello(struct viewer *viewer, struct viewer_client *clien
         client_close(viewer, client);
         return;
     }
-    /* One message in two parts: its start from the outbox, then the shared description without its
-     * opening brace */
+    /* Send one message in two parts: its start from the outbox, then the shared description without
+     * its opening brace */
     client->filled += websocket_header(to, WEBSOCKET_TEXT, size);
     memcpy(client->outbox + client->filled, begin, first);
     client->filled += first;
@@ -127,7 +126,7 @@ static void client_send_hello(struct viewer *viewer, struct viewer_client *clien
     client_flush(viewer, client);
 }
 
-/* Accepts a client whose token gives a right, if there is a place. */
+/* Accepts a client with a valid token, if a place is free. */
 static void client_enter(struct viewer *viewer, struct viewer_client *client,
                          const struct viewer_message *message)
 {
@@ -153,7 +152,7 @@ static void client_enter(struct viewer *viewer, struct viewer_client *client,
 
 /* ---- watch ---- */
 
-/* Adds the signals that match a name or pattern; returns false for none or too many. */
+/* Adds the signals that match a name or pattern. Returns false if none or too many match. */
 static bool watch_add_signals(const struct viewer *viewer, const char *pattern,
                               struct viewer_watch *watch)
 {
@@ -171,8 +170,8 @@ static bool watch_add_signals(const struct viewer *viewer, const char *pattern,
     return watch->nsignal > before;
 }
 
-/* Sets the first row for a client: new rows only; for signals that it watched before, also rows
- * that it has not received yet. */
+/* Sets the first row to send to a client. It is the next new row, or, if the client already watched
+ * these signals, the first row that it has not received. */
 static void client_begin_rows(struct viewer *viewer, struct viewer_client *client,
                               const struct viewer_watch *watch)
 {
@@ -180,7 +179,7 @@ static void client_begin_rows(struct viewer *viewer, struct viewer_client *clien
         return;
     }
     if (!client->watch.rows || client->watch.nsignal == 0) {
-        viewer_take_rows(viewer); /* rows waiting in the stream are older than the request */
+        viewer_take_rows(viewer); /* rows in the stream are older than the request */
         client->row = history_end(viewer->history);
         client->rows_lost = viewer->rows_lost;
     }
@@ -262,9 +261,9 @@ static void client_put_frame(struct viewer *viewer, struct viewer_client *client
     client_answer(viewer, client, message, json_object());
 }
 
-/* ---- of a recording ---- */
+/* ---- recordings ---- */
 
-/* Executes a message about a recording, or about the history of a run. */
+/* Executes a message for a recording, or for the history of a run. */
 static void client_play(struct viewer *viewer, struct viewer_client *client,
                         const struct viewer_message *message)
 {
@@ -301,7 +300,7 @@ static void client_control(struct viewer *viewer, struct viewer_client *client,
     }
 }
 
-/* Executes a valid message of a client with a right. */
+/* Executes a valid message of a client with a token. */
 static void client_carry_out(struct viewer *viewer, struct viewer_client *client,
                              struct viewer_message *message, const char *text, size_t size)
 {
@@ -342,7 +341,7 @@ void viewer_obey(struct viewer *viewer, struct viewer_client *client, const char
     struct error error;
 
     if (viewer_message_parse(text, size, &message, &error)) {
-        /* A client without a token gets no explanation of an error */
+        /* Do not explain errors to a client without a token */
         if (client->right == RIGHT_NONE) {
             viewer->counters.cut_junk++;
             client_bye(viewer, client, WEBSOCKET_POLICY, "expected a token first");

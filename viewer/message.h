@@ -28,24 +28,24 @@ struct viewer_message {
     const json_t *id;
     enum viewer_command command;
     bool harmless; /* VIEWER_CONTROL: the command only reads */
-    /* of VIEWER_CONTROL; its value and count are as in control/parse.h */
+    /* the command of VIEWER_CONTROL; value and count are as in control/parse.h */
     enum control_command control;
     double value;
     int64_t count;
-    double from_s, to_s;    /* of series; from_s is also the time of seek */
-    int64_t points;         /* of series: maximum number of rows */
-    const char *token;      /* of enter */
-    bool stay;              /* of enter: stay connected when the run has ended */
-    double rate_hz;         /* of watch; 0 = nothing */
-    bool trace, rows;       /* of watch */
-    const json_t *signals;  /* of watch and series: array of strings; NULL = none */
-    const char *bus, *data; /* of send; the identifier is in count */
+    double from_s, to_s;    /* series: the range; seek: the time is from_s */
+    int64_t points;         /* series: maximum number of rows */
+    const char *token;      /* enter: the token */
+    bool stay;              /* enter: stay connected after the end of the run */
+    double rate_hz;         /* watch: states per second; 0 = none */
+    bool trace, rows;       /* watch: send frames, send rows */
+    const json_t *signals;  /* watch and series: array of strings; NULL = none */
+    const char *bus, *data; /* send; the identifier is in count */
     bool extended, fd, brs;
     struct bus_frame frame;
 };
 
-/* Parses a message; the error states the found and the expected text. The caller clears the
- * message even after an error. */
+/* Parses a message. An error names the found and the expected text. The caller must clear the
+ * message, also after an error. */
 enum error_code viewer_message_parse(const char *text, size_t size, struct viewer_message *message,
                                      struct error *error);
 void viewer_message_clear(struct viewer_message *message);

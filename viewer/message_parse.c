@@ -37,8 +37,8 @@ static const struct request_key keys[] = {
 static const struct request_table messages = {commands, ARRAY_COUNT(commands), keys,
                                               ARRAY_COUNT(keys)};
 
-/* Reads data bytes of two hexadecimal digits each, with optional blanks between bytes; returns
- * false for other text, or for more bytes than a frame holds. */
+/* Parses data bytes: two hexadecimal digits each, with optional blanks between bytes. Returns false
+ * for other text, or for more bytes than a frame can hold. */
 static bool message_read_bytes(const char *text, struct bus_frame *frame)
 {
     for (const char *at = text; *at;) {
@@ -83,14 +83,14 @@ static enum error_code message_make_frame(struct viewer_message *message, struct
                            "29 when extended, and classic frames 8 bytes");
 }
 
-/* Parses a request for the control socket by the socket's own rules. */
+/* Parses a request for the control socket with the socket's parser. */
 static enum error_code message_read_control(const char *text, size_t size,
                                             struct viewer_message *message, struct error *error)
 {
     struct control_request request;
     enum error_code code = control_parse(text, size, 1, &request, error);
 
-    /* Clients that may only look can send commands that only read */
+    /* Clients without the right to control can send commands that only read */
     message->harmless =
         !code && (request.command == CONTROL_HELLO || request.command == CONTROL_STATUS ||
                   request.command == CONTROL_STATISTICS || request.command == CONTROL_LIST ||
@@ -109,7 +109,7 @@ enum error_code viewer_message_parse(const char *text, size_t size, struct viewe
     int command;
 
     *message = (struct viewer_message){.command = VIEWER_CONTROL};
-    /* The text becomes a line for the control socket, so it must not contain a line end */
+    /* The control socket reads lines, so the text must not contain a line end */
     if (memchr(text, '\n', size) || memchr(text, '\r', size)) {
         return error_set(error, ERROR_INPUT, "found an end of line, expected JSON in one line");
     }
@@ -124,7 +124,7 @@ enum error_code viewer_message_parse(const char *text, size_t size, struct viewe
     }
     message->command = (enum viewer_command)command;
     code = request_read_keys(&messages, command, message->root, message, error);
-    /* The binary answer to a series has 32 bits for the id */
+    /* The binary answer to `series` has 32 bits for the id */
     if (!code && command == VIEWER_SERIES &&
         (!json_is_integer(message->id) || json_integer_value(message->id) < 0 ||
          json_integer_value(message->id) > UINT32_MAX)) {

@@ -10,8 +10,8 @@
 #include <string.h>
 #include <unistd.h>
 
-/* TRACE_SPAN_NS: a jump sends the frames of this time before its target; COMAN's frames of this
- * time fit in VIEWER_TRACE. LOAD_SPAN_NS: bus loads are means over this time. */
+/* TRACE_SPAN_NS: after a jump, the client gets the frames of this time before the target; for
+ * COMAN, they fit in VIEWER_TRACE. LOAD_SPAN_NS: averaging time of bus loads. */
 #define TRACE_SPAN_NS (CLOCK_SECOND / 5)
 #define LOAD_SPAN_NS CLOCK_SECOND
 
@@ -50,7 +50,7 @@ static enum error_code recording_open_rows(struct recording *recording, struct a
     return code;
 }
 
-/* Opens frames and events, if the recording has them. */
+/* Opens the files of frames and events, if the recording has them. */
 static enum error_code recording_open_rest(struct recording *recording, struct arena *arena,
                                            struct error *error)
 {
@@ -75,7 +75,7 @@ static enum error_code recording_open_rest(struct recording *recording, struct a
     return code;
 }
 
-/* Checks that the recording belongs to the rig: it has each joint and each body. */
+/* Checks that the recording has each joint and each body of the rig. */
 static enum error_code recording_check_rig(struct recording *recording, struct arena *arena,
                                            struct error *error)
 {
@@ -108,7 +108,7 @@ static enum error_code recording_check_rig(struct recording *recording, struct a
                    : ERROR_NONE;
 }
 
-/* Sets the shown range: the requested range within the existing one. */
+/* Sets the shown range: the requested range, limited to the recorded range. */
 static enum error_code recording_set_range(struct recording *recording, struct error *error)
 {
     const struct recorded_table *rows = &recording->signals;
@@ -195,7 +195,7 @@ enum error_code viewer_create_playback(struct viewer *viewer, struct error *erro
 
 /* ---- a client's time ---- */
 
-/* Limits a time to the span that is shown. */
+/* Limits a time to the shown range. */
 static int64_t playback_clamp(const struct viewer *viewer, double time_ns)
 {
     const struct recording *recording = viewer->config.recording;
@@ -203,7 +203,7 @@ static int64_t playback_clamp(const struct viewer *viewer, double time_ns)
     return (int64_t)fmin(fmax(time_ns, (double)recording->first_ns), (double)recording->last_ns);
 }
 
-/* Returns a client's present time; pauses at the end. */
+/* Returns a client's present time; pauses its playback at the end. */
 static int64_t playback_time(const struct viewer *viewer, struct viewer_client *client)
 {
     struct viewer_playback *playback = &client->playback;
@@ -218,7 +218,7 @@ static int64_t playback_time(const struct viewer *viewer, struct viewer_client *
     return now;
 }
 
-/* Continues a client's playback from a time; its speed may have changed. */
+/* Continues a client's playback from a time, with its present speed. */
 static void playback_move(const struct viewer *viewer, struct viewer_client *client, double time_ns)
 {
     client->playback.from_ns = playback_clamp(viewer, time_ns);
@@ -241,7 +241,7 @@ bool playback_obey(struct viewer *viewer, struct viewer_client *client,
     struct viewer_playback *playback = &client->playback;
     int64_t now = playback_time(viewer, client);
 
-    /* A change takes effect from the present time on */
+    /* Continue from the present time with the changed state */
     playback_move(viewer, client, (double)now);
     if (message->command == VIEWER_SEEK) {
         playback_move(viewer, client, message->from_s * 1e9);
@@ -346,7 +346,7 @@ void playback_trace(struct viewer *viewer, struct viewer_client *client)
     if (!client->watch.trace || !recording->log.file.data) {
         return;
     }
-    /* Frames since the last state, but at most of the last TRACE_SPAN_NS */
+    /* Frames since the last state, but not older than TRACE_SPAN_NS */
     if (playback->traced_ns >= from_ns) {
         from_ns = playback->traced_ns + 1;
     }

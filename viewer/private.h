@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Declarations shared by the parts of the page's server: server.c has the thread, connection.c the
- * bytes from and to a client, http_respond.c answers HTTP requests, message.c executes messages of
- * clients or passes them to the control socket; hello.c describes run and scene, state_message.c
- * makes the binary states, series.c sends rows, trace.c receives frames of the buses. All functions
- * run in the server's thread, except as viewer.h says. Not RT-safe.
+ * Declarations shared by the files of the page's server. server.c has the thread. connection.c
+ * moves bytes from and to clients. http_respond.c answers HTTP requests. message.c executes
+ * messages of clients, or passes them to the control socket. hello.c describes run and scene.
+ * state_message.c writes the binary states. series.c sends rows. trace.c receives frames from the
+ * buses. All functions run in the server's thread, unless viewer.h says otherwise. Not RT-safe.
  */
 #ifndef VIEWER_PRIVATE_H
 #define VIEWER_PRIVATE_H
@@ -23,7 +23,7 @@
 #include <string.h>
 
 enum {
-    VIEWER_EVENTS = 256,       /* past events sent to a page that connects late; a power of two */
+    VIEWER_EVENTS = 256,       /* stored events, for pages that connect late; a power of two */
     VIEWER_SIGNALS = 64,       /* maximum number of signals of a client */
     VIEWER_TRACE = 128 * 1024, /* bytes of frames that wait for the next state */
     VIEWER_LINE = 256 * 1024,  /* longest answer of the control socket, bytes */
@@ -49,7 +49,7 @@ struct viewer_watch {
 struct viewer_playback {
     bool paused;
     double speed;              /* recorded seconds per second */
-    int64_t from_ns, since_ns; /* the recorded time at a time of the clock */
+    int64_t from_ns, since_ns; /* recorded time from_ns was shown at clock time since_ns */
     int64_t traced_ns;         /* frames up to this time have been sent */
 };
 
@@ -84,9 +84,9 @@ struct viewer_client {
     uint8_t *trace; /* size VIEWER_TRACE */
     size_t traced;  /* bytes in trace */
     uint32_t ntraced, trace_lost;
-    uint64_t events; /* number of the next event to send */
-    uint64_t row;    /* next row of the history to send; earlier rows that it did not get: */
-    uint64_t rows_lost;
+    uint64_t events;    /* number of the next event to send */
+    uint64_t row;       /* next row of the history to send */
+    uint64_t rows_lost; /* viewer->rows_lost when rows were last sent */
 
     int control; /* connection to the control socket, -1 = none */
     char *line;  /* size VIEWER_LINE, for answers of the control socket */
@@ -98,7 +98,7 @@ struct viewer_event {
     char text[VIEWER_EVENT_TEXT];
 };
 
-/* A file of the server: bytes and their type. */
+/* The content of an HTTP answer: bytes and their media type. */
 struct viewer_file {
     const char *type;
     const void *data;
@@ -120,11 +120,11 @@ struct viewer {
     struct viewer_counters counters;
 
     struct simulator_view view;
-    bool wanted;                /* views are requested from the simulator */
-    bool awaited;               /* no view was made since the request */
+    bool wanted;                /* the simulator is requested to make views */
+    bool awaited;               /* the simulator has made no view since the request */
     uint64_t views_before;      /* number of views at the time of the request */
     int64_t awaited_till_ns;    /* until then the old view is accepted */
-    struct body_motion *motion; /* of the robot's bodies */
+    struct body_motion *motion; /* motion of the robot's bodies */
     uint8_t *state;             /* the state under construction */
     size_t state_max;
     size_t *torque, *wrench, *free; /* columns of signals, by joint, contact and free body */
@@ -133,15 +133,15 @@ struct viewer {
     struct playback *playback; /* NULL: shows the simulator */
     struct stream *stream;     /* rows of the loop; NULL = none */
     struct history *history;   /* history of these rows; NULL = none */
-    uint64_t rows_lost;        /* rows that found the stream full */
+    uint64_t rows_lost;        /* rows lost because the stream was full */
     bool rows_hurry;           /* many rows were waiting at the last read */
 
     int64_t measured_ns, measured_at_ns; /* virtual time and clock time of the last measurement */
     uint64_t measured_bits[RIG_BUSES_MAX];
     double load[RIG_BUSES_MAX]; /* busy share of a bus */
-    uint64_t work_count;        /* number of ticks at the last measurement */
+    uint64_t work_count;        /* number of ticks until the last measurement */
     int64_t work_sum;
-    /* duration of a tick: mean since the last measurement, 99th percentile and maximum of all */
+    /* tick duration: mean since the last measurement; 99th percentile and maximum of the run */
     double work_us[3];
     struct histogram *histogram;
 
@@ -158,7 +158,7 @@ struct viewer {
     size_t end_size;
     struct recorded_file file[VIEWER_FILES]; /* files of its recording */
     _Atomic unsigned staying;                /* number of clients that stay */
-    char run[VIEWER_TOKEN];                  /* identifies the run among runs at the same address */
+    char run[VIEWER_TOKEN];                  /* identifies the run; pages reload when it changes */
 
     struct viewer_counters told; /* counters, for other threads */
     pthread_mutex_t events_lock; /* protects told and the members after it */
@@ -198,8 +198,7 @@ void client_check(struct viewer *viewer, struct viewer_client *client);
 
 void viewer_accept_client(struct viewer *viewer);
 
-/* Gives a client with a valid token one of the places for such clients; returns false if there is
- * none. */
+/* Reserves a place for a client with a valid token; returns false if no place is free. */
 bool viewer_give_place(struct viewer *viewer, struct viewer_client *client,
                        enum viewer_right right);
 
@@ -239,21 +238,22 @@ void control_link_read(struct viewer *viewer, struct viewer_client *client);
 
 /* ---- hello.c, database.c, stl_file.c ---- */
 
-/* Describes the constants of a run; NULL = no memory. */
+/* Returns the description of a run, without its changing values; NULL = no memory. */
 json_t *viewer_hello(const struct viewer *viewer);
 json_t *hello_scene(const struct viewer *viewer);
 
-/* Describes the meaning of the frames on all buses; returns false without memory. */
+/* Writes the JSON description of all buses' messages (database.c); returns false without memory. */
 bool viewer_make_database(struct viewer *viewer);
 
 /* Returns the file with a surface's triangles; NULL = it has none, or no memory. */
 const struct viewer_file *viewer_mesh_file(struct viewer *viewer, size_t surface);
 
-/* Returns the STL file of a visual, read on first use; NULL with the reason, for people. */
+/* Returns the STL file of a visual, read on first use. Returns NULL, with a reason to display, on
+ * failure. */
 const struct viewer_file *viewer_visual_file(struct viewer *viewer, size_t visual,
                                              struct error *error);
 
-/* Returns the first visual with the same file. */
+/* Returns the index of the first visual that uses the same file. */
 size_t viewer_visual_source(const struct robot *robot, size_t visual);
 
 /* ---- state_message.c ---- */
@@ -280,7 +280,7 @@ void client_trace_frame(struct viewer_client *client, size_t bus, const struct b
                         uint8_t flags);
 void client_send_trace(struct viewer *viewer, struct viewer_client *client);
 
-/* ---- rows.c ---- */
+/* ---- series.c ---- */
 
 /* Creates the history of a simulator's rows. */
 enum error_code viewer_create_history(struct viewer *viewer, struct error *error);
@@ -304,12 +304,12 @@ struct recording {
     size_t *angle;               /* columns of the joints' angles */
 };
 
-/* Additional state of playback: buffers for a row of each table, and the traffic of the buses. */
+/* Playback state: buffers for one row of each table, and the traffic of the buses. */
 struct playback {
-    double *signal, *pose; /* buffers into which rows are read */
+    double *signal, *pose; /* buffers for one row */
     size_t *body;          /* first column of each body's pose */
     struct recorded_traffic now[RIG_BUSES_MAX], before[RIG_BUSES_MAX];
-    int64_t counted_ns; /* time of now */
+    int64_t counted_ns; /* recorded time of the counters in now */
 };
 
 /* Creates the playback state, which replaces the view of a simulator. */
@@ -318,25 +318,26 @@ enum error_code viewer_create_playback(struct viewer *viewer, struct error *erro
 /* Sets a new client to the start of the recording. */
 void playback_begin(const struct viewer *viewer, struct viewer_client *client);
 
-/* Fills viewer->view from the recording at the client's time. */
+/* Fills viewer->view with the recorded values at the client's time. */
 void playback_view(struct viewer *viewer, struct viewer_client *client);
 
-/* Returns the pose of a body in this view: position (m), quaternion wxyz. */
+/* Returns the pose of a body in viewer->view: position (m), quaternion wxyz. */
 const double *playback_pose(const struct viewer *viewer, size_t body);
 
-/* Stores the frames since the last state, or the last ones before a jump, for the client. */
+/* Stores the frames since the client's last state. After a jump, stores the frames just before the
+ * target. */
 void playback_trace(struct viewer *viewer, struct viewer_client *client);
 
-/* Pauses, resumes, jumps or changes the speed of a client's playback. Returns false with the
- * reason if the message is not possible for a recording. */
+/* Executes a message that controls a client's playback: pause, resume, seek, speed. Returns false,
+ * with the reason, if a recording cannot do it. */
 bool playback_obey(struct viewer *viewer, struct viewer_client *client,
                    const struct viewer_message *message, struct error *error);
 
-/* Sends the values of signals between two times; returns false with the reason on failure. */
+/* Sends the values of signals between two times. Returns false, with the reason, on failure. */
 bool client_send_series(struct viewer *viewer, struct viewer_client *client,
                         const struct viewer_message *message, struct error *error);
 
-/* ---- little-endian numbers into a buffer; each returns the address after the number ---- */
+/* ---- put_*: write a little-endian number and return the address after it ---- */
 
 static inline uint8_t *put_u8(uint8_t *to, uint8_t value)
 {

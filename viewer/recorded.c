@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads a recording. The start and time of each row are indexed; cells are parsed on demand. Marks
- * in the log of frames give starting positions. */
+/* Reads a recording. An index has the time and position of each row; cells are parsed on demand.
+ * For the log of frames, marks store positions and traffic at regular times. */
 #include "viewer/recorded.h"
 
 #include "base/input_file.h"
@@ -90,7 +90,7 @@ static size_t table_read_titles(struct recorded_table *table, struct arena *aren
 
 /* ---- rows ---- */
 
-/* Parses the cell at an address, up to a comma or the line's end; NAN if it is not a number. */
+/* Parses the cell at an address, up to a comma or the line's end. Returns NAN for other text. */
 static double table_parse_cell(const char *at)
 {
     char *rest;
@@ -183,7 +183,7 @@ void recorded_table_close(struct recorded_table *table)
     table->nrow = 0;
 }
 
-/* Finds the last of count rows at or before a time, or the first one; 0 if there are none. */
+/* Finds the last of `count` rows at or before a time. Returns 0 if there is none. */
 static size_t rows_find(const struct recorded_row *row, size_t count, int64_t time_ns)
 {
     size_t low = 0, high = count;
@@ -222,8 +222,8 @@ void recorded_table_read(const struct recorded_table *table, size_t row, size_t 
     }
 }
 
-/* Parses the line at *at and moves *at behind it. Returns 1; 0 at the end; -1 if it is not a
- * frame. */
+/* Parses the line at *at and moves *at behind the line. Returns 1 for a frame, 0 at the end of the
+ * log, -1 for other text. */
 static int log_read_line(const struct recorded_log *log, size_t *at, char name[16],
                          struct bus_frame *frame, struct error *error)
 {
@@ -249,7 +249,7 @@ static size_t log_find_bus(const struct recorded_log *log, const char *name)
     return bus;
 }
 
-/* Adds a mark: position in the log at a time, and traffic of each bus so far. Returns false
+/* Adds a mark: a time, the position of the log, and each bus's traffic up to there. Returns false
  * without memory. */
 static bool log_add_mark(struct recorded_log *log, int64_t time_ns, size_t at,
                          const struct recorded_traffic *traffic)

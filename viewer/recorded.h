@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The files of a recording (rt/recording/recorder.h) for playback: rows of signals.csv and
- * poses.csv and frames of candump.log by time. Data are parsed on demand, so that a long recording
- * opens as fast as its lines can be counted. The files are mapped and must not be truncated while
- * they are open. Data appended later are ignored, and so is a last line without an end, as left by
- * a killed run. Virtual times in ns. Not RT-safe.
+ * Reads the files of a recording (rt/recording/recorder.h) for playback: rows of signals.csv and
+ * poses.csv, and frames of candump.log, by time. Data are parsed on demand, so that opening a long
+ * recording takes only the time to count its lines. The files are mapped and must not be truncated
+ * while they are open. Data appended later are ignored. A last line without a line end, from a
+ * killed run, is ignored too. Virtual times in ns. Not RT-safe.
  */
 #ifndef VIEWER_RECORDED_H
 #define VIEWER_RECORDED_H
@@ -33,10 +33,10 @@ void recorded_file_close(struct recorded_file *file); /* safe on a zeroed struct
 
 enum { RECORDED_COLUMNS = 8192, RECORDED_TITLE = 128 };
 
-/* A row of a table, or a mark in a log: a time, and where the file goes on after it. */
+/* A row of a table, or a mark in a log: a time and a position in the file. */
 struct recorded_row {
     int64_t time_ns;
-    size_t at; /* offset in the file: of a row's first cell after the time, of a mark's line */
+    size_t at; /* file offset of the row's first cell after the time, or of the mark's line */
 };
 
 struct recorded_table {
@@ -47,18 +47,18 @@ struct recorded_table {
     size_t nrow;
 };
 
-/* Opens titles and rows. Returns ERROR_INPUT with file:line if there are no titles or no row, or
- * if times do not increase. Close it even after an error. */
+/* Opens a table and indexes its rows. Returns ERROR_INPUT with file:line if titles or rows are
+ * missing, or if times do not increase. Close the table also after an error. */
 enum error_code recorded_table_open(const char *path, struct arena *arena,
                                     struct recorded_table *table, struct error *error);
 void recorded_table_close(struct recorded_table *table); /* safe on a zeroed struct */
 
-/* Finds the last row at or before a time, or the first row. */
+/* Finds the last row at or before a time; the first row if there is none. */
 size_t recorded_table_find(const struct recorded_table *table, int64_t time_ns);
 
-/* Reads the first count columns of a row; a missing or invalid cell is NAN. A column that is not
- * wanted (wanted NULL = all are) keeps its value: finding the end of a number takes a tenth of the
- * time of parsing it. */
+/* Reads the first `count` columns of a row; a missing or invalid cell is NAN. wanted: the columns
+ * to parse, NULL = all. Other columns keep their values, because skipping a number takes a tenth
+ * of the time of parsing it. */
 void recorded_table_read(const struct recorded_table *table, size_t row, size_t count,
                          const bool *wanted, double *value);
 
@@ -78,11 +78,11 @@ struct recorded_log {
     struct recorded_row *mark;        /* at least one every RECORDED_MARK_NS */
     struct recorded_traffic *traffic; /* traffic of each bus at each mark */
     size_t nmark, capacity;
-    uint64_t strange; /* number of frames with other bus names */
+    uint64_t strange; /* number of frames whose bus is not in bus[] */
 };
 
 /* Opens a log. Returns ERROR_INPUT with file:line if a line is not in the format of `candump -L`.
- * Close it even after an error. */
+ * Close the log also after an error. */
 enum error_code recorded_log_open(const char *path, const char *const *bus, size_t nbus,
                                   struct recorded_log *log, struct error *error);
 void recorded_log_close(struct recorded_log *log); /* safe on a zeroed struct */
@@ -90,12 +90,12 @@ void recorded_log_close(struct recorded_log *log); /* safe on a zeroed struct */
 /* Finds the position of the first frame at or after a time. */
 size_t recorded_log_find(const struct recorded_log *log, int64_t time_ns);
 
-/* Reads the next frame of a known bus from *at on and moves *at behind it; returns false at the
- * end. */
+/* Reads the next frame of a known bus at or after position *at, and moves *at behind the frame.
+ * Returns false at the end. */
 bool recorded_log_next(const struct recorded_log *log, size_t *at, size_t *bus,
                        struct bus_frame *frame);
 
-/* Counts the traffic of each bus up to a time, frame by frame from the last mark before it.
+/* Counts the traffic of each bus up to a time. It starts from the last mark before the time.
  * traffic has nbus entries. */
 void recorded_log_count(const struct recorded_log *log, int64_t time_ns,
                         struct recorded_traffic *traffic);

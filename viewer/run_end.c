@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The end of a run: the message to its pages, the files of its recording, and the time for which
- * the server waits for open pages. */
+/* Handles the end of a run: sends the end to the pages, serves the files of the recording, and
+ * waits for open pages. */
 #include "viewer/private.h"
 
 #include "control/parse.h"
@@ -26,7 +26,7 @@ static const struct end_file {
 
 /* ---- the message ---- */
 
-/* Opens the files of the recording and lists those that exist. */
+/* Opens the files of the recording, and lists the existing files. */
 static json_t *end_open_files(struct viewer *viewer, const char *directory)
 {
     json_t *list = json_array();
@@ -67,7 +67,7 @@ enum error_code viewer_end(struct viewer *viewer, const struct viewer_end *end, 
     }
     viewer->end_size = strlen(viewer->end);
 
-    /* Pages show the end even if no client watched during the last ticks */
+    /* Make a last view, also if no client watched during the last ticks */
     if (viewer->config.simulator) {
         simulator_end_views(viewer->config.simulator);
     }

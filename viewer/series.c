@@ -1,19 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Sends rows of signals. New rows move from the loop to the history and to the clients that want
- * them. For plots, it sends the rows between two times: each row of the recording or of the run's
- * history or, if there are too many, the smallest and the largest value of groups of rows.
+/* Sends rows of signals. New rows move from the loop to the history, and to the clients that want
+ * rows. For plots, it sends the rows between two times, from the recording or from the run's
+ * history. If there are too many rows, it sends the minimum and maximum of groups of rows.
  * docs/page.md describes the bytes. */
 #include "viewer/private.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Signals in a range of rows of the recording or history, and their reduction to points. */
+/* A request: signals, range of rows, and the reduction to points. */
 struct series {
     size_t nsignal;
     uint16_t column[VIEWER_SIGNALS];
-    uint64_t first, end; /* rows */
-    uint64_t step;       /* rows per pair of points; 1: each row is a point */
+    uint64_t first, end; /* first row, and the row after the last */
+    uint64_t step;       /* rows per group, which gives two points; 1: each row is a point */
 };
 
 enum { SERIES_KIND = 3, SERIES_HEADER = 24 };
@@ -55,7 +55,7 @@ static void series_read_row(const struct viewer *viewer, const struct series *se
 
 /* ---- requested rows ---- */
 
-/* Finds the columns of the named signals; returns false with the reason on failure. */
+/* Finds the columns of the named signals. Returns false, with the reason, on failure. */
 static bool series_find_signals(struct viewer *viewer, const json_t *names, struct series *series,
                                 struct error *error)
 {
@@ -77,8 +77,8 @@ static bool series_find_signals(struct viewer *viewer, const json_t *names, stru
     return true;
 }
 
-/* Finds the rows of a recording between two times, plus one on each side so that a curve extends
- * beyond the plot. */
+/* Finds the rows of a recording between two times, plus one row on each side so that curves reach
+ * the edges of a plot. */
 static void series_find_recorded(const struct recording *recording,
                                  const struct viewer_message *message, struct series *series)
 {
@@ -120,8 +120,7 @@ static size_t series_bytes(const struct series *series)
     return SERIES_HEADER + series_points(series) * (8 + 4 * series->nsignal);
 }
 
-/* Chooses the group size so that the points fit in one message and leave space for other
- * messages. */
+/* Chooses the group size so that the points fit in one message, and other messages have space. */
 static void series_thin(struct series *series, size_t most)
 {
     size_t room = VIEWER_OUTBOX / 2 / (8 + 4 * series->nsignal);
@@ -141,8 +140,7 @@ static uint8_t *put_f64(uint8_t *to, double value)
     return put_u64(to, bits);
 }
 
-/* Reduces a group of rows to two values per signal: the smallest and the largest, in time
- * order. */
+/* Reduces a group of rows to two values per signal: the minimum and the maximum, in time order. */
 static void series_reduce(const struct viewer *viewer, const struct series *series, uint64_t begin,
                           uint64_t end, double pair[2][VIEWER_SIGNALS])
 {
@@ -245,7 +243,7 @@ bool client_send_series(struct viewer *viewer, struct viewer_client *client,
 enum {
     ROWS_MESSAGE = 64 * 1024,
     ROWS_MANY = 256,
-    /* all rows waiting in a stream; a limit in case the loop is as fast as the thread */
+    /* limit of rows per turn, in case the loop writes rows as fast as this thread reads them */
     ROWS_A_TURN = 1024,
 };
 
@@ -258,7 +256,7 @@ enum error_code viewer_create_history(struct viewer *viewer, struct error *error
                           : ERROR_NONE;
 }
 
-/* If time has gone back, resets clients that are ahead of a row to that row. */
+/* After time has gone back to a row, sends the rows from there on again to clients ahead of it. */
 static void viewer_rewind_clients(struct viewer *viewer, uint64_t row)
 {
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
@@ -281,7 +279,8 @@ void viewer_take_rows(struct viewer *viewer)
     viewer->rows_hurry = count >= ROWS_MANY;
 }
 
-/* Sends the next rows that fit in a message; returns false if there are none, or no space. */
+/* Sends the next rows, as many as fit in a message. Returns false without new rows or without
+ * space. */
 static bool client_send_some_rows(struct viewer *viewer, struct viewer_client *client)
 {
     const struct viewer_watch *watch = &client->watch;
@@ -290,7 +289,7 @@ static bool client_send_some_rows(struct viewer *viewer, struct viewer_client *c
     uint64_t lost = viewer->rows_lost - client->rows_lost;
     uint64_t most = ROWS_MESSAGE / (8 + 4 * watch->nsignal);
 
-    /* Rows that have left the history are lost for this client */
+    /* Skip rows that have been dropped from the history, and count them */
     series.first = client->row < begin ? begin : client->row;
     lost += series.first - client->row;
     series.end = history_end(viewer->history);

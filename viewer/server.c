@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The server's thread. It waits in one poll for orders, the listening socket, the clients, and
- * their connections to the control socket. */
+/* The server's thread. It waits in a single poll() for orders, the listening socket, the clients,
+ * and the clients' connections to the control socket. */
 #include "viewer/private.h"
 
 #include "base/listen.h"
@@ -22,7 +22,7 @@
 enum { POLL_FIXED = 2, POLL_COUNT = POLL_FIXED + 2 * VIEWER_CLIENTS };
 enum {
     IDLE_MS = 500,
-    ROWS_MS = 20, /* a free run fills its stream in 30 ms */
+    ROWS_MS = 20, /* period of reading rows; a run at full speed fills the stream in 30 ms */
     TRACE_MS = 5,
     AWAIT_MS = 5,
     AWAIT_LONGEST_MS = 500
@@ -61,8 +61,7 @@ static void viewer_prepare_poll(const struct viewer *viewer, struct pollfd fd[PO
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         const struct viewer_client *client = &viewer->client[i];
         bool writes = client->socket >= 0 && client_waiting(client) > 0;
-        /* A client that does not read its answers is not read until there is space for more
-         * answers */
+        /* Read from a client only while its outbox has space for answers */
         bool reads = client->socket >= 0 && client_waiting(client) < VIEWER_OUTBOX / 2;
 
         fd[POLL_FIXED + 2 * i] = (struct pollfd){
@@ -87,7 +86,7 @@ static void viewer_serve_client(struct viewer *viewer, struct viewer_client *cli
     }
 }
 
-/* Requests views from the simulator while a client watches. */
+/* Requests views from the simulator while a client watches, and stops the requests otherwise. */
 static void viewer_update_wish(struct viewer *viewer)
 {
     bool wanted = false;
@@ -102,7 +101,7 @@ static void viewer_update_wish(struct viewer *viewer)
         return;
     }
 
-    /* The present view is old: waits for a new one */
+    /* The present view is old: wait for a new view */
     if (wanted) {
         viewer->views_before = simulator_view_read(viewer->config.simulator, &viewer->view);
         viewer->awaited_till_ns = viewer->now_ns + AWAIT_LONGEST_MS * CLOCK_MS;
@@ -111,7 +110,7 @@ static void viewer_update_wish(struct viewer *viewer)
     simulator_want_views(viewer->config.simulator, wanted);
 }
 
-/* Handles the end of the loop: reads its last rows; its last view is that of the end. */
+/* Handles the end of the loop: reads the last rows and the last view. */
 static void viewer_note_end(struct viewer *viewer)
 {
     viewer->ended = true;
@@ -133,7 +132,7 @@ static void viewer_publish_counters(struct viewer *viewer)
     pthread_mutex_unlock(&viewer->events_lock);
 }
 
-/* Sends all clients the end of the run, and disconnects them. */
+/* Sends the end of the run to all clients, and disconnects them. */
 static void viewer_end_clients(struct viewer *viewer)
 {
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
@@ -173,7 +172,7 @@ static void *viewer_thread_main(void *context)
         viewer->now_ns = clock_now(clock);
         viewer_prepare_poll(viewer, fd);
         if (poll(fd, POLL_COUNT, viewer_idle_ms(viewer)) < 0) {
-            memset(fd, 0, sizeof fd); /* a signal, or no memory: polls again */
+            memset(fd, 0, sizeof fd); /* a signal, or no memory: poll again */
         }
 
         if (fd[0].revents) {
@@ -194,7 +193,7 @@ static void *viewer_thread_main(void *context)
         viewer_update_wish(viewer);
         viewer_send_states(viewer);
 
-        /* Finished or slow clients are removed to make room for new ones */
+        /* Remove finished and slow clients, so that new clients find a place */
         for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
             client_check(viewer, &viewer->client[i]);
         }
@@ -211,8 +210,8 @@ static void *viewer_thread_main(void *context)
 
 /* ---- start ---- */
 
-/* Copies a given token, or makes a random one of hexadecimal digits (given NULL); returns false
- * without random numbers. */
+/* Copies a given token. If `given` is NULL, makes a random token of hexadecimal digits. Returns
+ * false if the system has no random numbers. */
 static bool viewer_set_token(char token[VIEWER_TOKEN], const char *given)
 {
     uint8_t random[(VIEWER_TOKEN - 1) / 2];
@@ -230,7 +229,7 @@ static bool viewer_set_token(char token[VIEWER_TOKEN], const char *given)
     return true;
 }
 
-/* Opens the listening socket, and stores how its address can be reached. */
+/* Opens the listening socket, and stores the bound address. */
 static enum error_code viewer_listen(struct viewer *viewer, struct error *error)
 {
     const char *host = viewer->config.host ? viewer->config.host : "127.0.0.1";
@@ -257,8 +256,7 @@ static enum error_code viewer_listen(struct viewer *viewer, struct error *error)
     return ERROR_NONE;
 }
 
-/* Makes the addresses to print; uses the loopback address if the server listens on all
- * addresses. */
+/* Formats the page's addresses, with the loopback address if the server listens on all. */
 static void viewer_make_addresses(struct viewer *viewer)
 {
     const char *host = viewer->bound.host;
@@ -304,7 +302,7 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
         return error_set(error, ERROR_MEMORY, "page: no memory");
     }
 
-    /* All places are unused and have their buffers */
+    /* Mark all places as unused, and allocate their buffers */
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         struct viewer_client *client = &viewer->client[i];
 
@@ -328,8 +326,7 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
     return ERROR_NONE;
 }
 
-/* Makes all that the thread needs, the description of the run and the socket last; then starts
- * it. */
+/* Allocates all parts, then opens the socket, then starts the thread. */
 static enum error_code viewer_open(struct viewer *viewer, struct error *error)
 {
     enum error_code code;
@@ -399,7 +396,7 @@ void viewer_give_order(struct viewer *viewer, enum viewer_order order)
     const uint64_t one = 1;
 
     atomic_store(&viewer->order, (int)order);
-    /* Cannot fail, because the counter is small */
+    /* The write cannot fail, because the counter is small */
     (void)!write(viewer->event, &one, sizeof one);
 }
 

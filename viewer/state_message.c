@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes states: the data of a moment for a client, as bytes. docs/page.md has the layout. */
+/* Writes states: binary messages with the values of one time. docs/page.md has the layout. */
 #include "base/vec3.h"
 #include "rt/clock.h"
 #include "viewer/private.h"
@@ -27,7 +27,7 @@ enum board_flag {
     STATE_BOARD_SILENT = 16,
 };
 
-/* Period of measurements of loads and ticks. */
+/* Period of the measurements of bus loads and tick durations. */
 #define MEASURE_NS (250 * CLOCK_MS)
 #define CONTACT_LEAST_N 1e-3
 #define ENDED_NS (500 * CLOCK_MS) /* period of states after the end of a run */
@@ -72,7 +72,7 @@ enum error_code viewer_create_state(struct viewer *viewer, struct error *error)
         return error_set(error, ERROR_MEMORY, "page: no memory");
     }
 
-    /* The columns of a row that the states use */
+    /* Find the columns that states use */
     for (size_t j = 0; j < njoint; j++) {
         viewer->torque[j] = viewer_find_column(viewer->signal, viewer->nsignal, "torque_",
                                                rig->robot->joint[j].name, "_nm");
@@ -90,7 +90,7 @@ enum error_code viewer_create_state(struct viewer *viewer, struct error *error)
                : simulator_view_create(viewer->config.simulator, arena, &viewer->view, error);
 }
 
-/* ---- measures over a time ---- */
+/* ---- bus loads and tick durations ---- */
 
 /* Measures bus loads and tick durations, four times a second. */
 static void viewer_measure(struct viewer *viewer)
@@ -140,7 +140,7 @@ static uint8_t *put_pose(uint8_t *to, const double position[3], const double qua
     return to;
 }
 
-/* Writes the poses of the bodies: recorded, or computed from base and joint angles. */
+/* Writes the poses of the bodies: recorded poses, or poses computed from base and joint angles. */
 static uint8_t *put_bodies(struct viewer *viewer, uint8_t *to)
 {
     const struct robot *robot = viewer->rig->robot;
@@ -180,8 +180,8 @@ static uint8_t *put_joints(const struct viewer *viewer, uint8_t *to)
     return to;
 }
 
-/* Writes the wrenches of bodies in contact, world frame, about the body's origin; *count is their
- * number. */
+/* Writes the contact wrench of each body in contact: world frame, about the body's origin. *count
+ * receives the number of wrenches. */
 static uint8_t *put_contacts(const struct viewer *viewer, uint8_t *to, uint16_t *count)
 {
     *count = 0;
@@ -309,8 +309,8 @@ static void put_state_header(const struct viewer *viewer, const struct viewer_cl
     put_u32(to, 0); /* number of the client's signals, set in client_send_state */
 }
 
-/* Makes the part of a state common to all clients (in a recording, for one client); returns its
- * size. */
+/* Writes the part of a state that all clients share; for a recording, it is made for one client.
+ * Returns the size. */
 static size_t viewer_make_state(struct viewer *viewer, const struct viewer_client *client)
 {
     size_t nfault = viewer->playback ? 0 : faults_count(simulator_faults(viewer->config.simulator));
@@ -391,7 +391,7 @@ static bool client_wants_state(struct viewer *viewer, struct viewer_client *clie
     return true;
 }
 
-/* Checks whether the view is older than the present request for views. */
+/* Checks whether the present view is older than the request for views. */
 static bool viewer_awaits_view(struct viewer *viewer)
 {
     if (viewer->awaited &&
@@ -415,7 +415,7 @@ void viewer_send_states(struct viewer *viewer)
         if (!client_wants_state(viewer, client)) {
             continue;
         }
-        /* One state for all clients due in this turn; in a recording one per client */
+        /* Make one state for all clients that are due; for a recording, one state per client */
         if (viewer->playback) {
             playback_view(viewer, client);
             playback_trace(viewer, client);

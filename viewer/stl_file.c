@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Meshes for the page. Surfaces are written as files: number of vertices and of triangles (u32),
- * then x y z of each vertex (f32, m), then the corners of each triangle (u32); little-endian.
- * Meshes of visuals are binary STL files. They are sent unchanged if their size matches their
- * number of triangles. This check prevents an untrusted robot file from exposing other files by
- * naming them. */
+/* Makes the mesh files for the page. A surface's file has the number of vertices and of triangles
+ * (u32), then x y z of each vertex (f32, m), then the vertex indices of each triangle (u32), all
+ * little-endian. Meshes of visuals are binary STL files. They are sent unchanged, but only if their
+ * size matches their number of triangles. This check prevents an untrusted robot file from exposing
+ * other files. */
 #include "viewer/private.h"
 
 #include "base/input_file.h"
@@ -51,7 +51,7 @@ size_t viewer_visual_source(const struct robot *robot, size_t visual)
     return visual;
 }
 
-/* Returns the number of triangles that an STL header states. */
+/* Returns the number of triangles in an STL header. */
 static uint64_t stl_count_faces(const uint8_t *data)
 {
     return (uint64_t)data[80] | (uint64_t)data[81] << 8 | (uint64_t)data[82] << 16 |

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Traces the frames on the buses: receives them by the viewer's own ports, and stores them for
- * clients that trace. docs/page.md describes the bytes. */
+/* Receives the frames on the buses through the viewer's ports, and stores them for clients that
+ * trace. docs/page.md describes the bytes. */
 #include "viewer/private.h"
 
 enum { TRACE_KIND = 2, TRACE_HEADER = 12, TRACE_RECORD = 16, BATCH = 64, TURNS = 256 };
-/* a flag in addition to those of canbus/frame.h: a client has sent the frame */
+/* flag for frames sent by a client, in addition to the flags of canbus/frame.h */
 enum { TRACE_OURS = 0x80 };
 
 void client_trace_frame(struct viewer_client *client, size_t bus, const struct bus_frame *frame,
@@ -51,7 +51,7 @@ static void viewer_hear_bus(struct viewer *viewer, size_t bus)
     for (int turn = 0; turn < TURNS && count == BATCH; turn++) {
         count = can_receive(port, frame, BATCH);
         for (size_t i = 0; i < count; i++) {
-            /* A frame without a time stamp gets the newest one of its bus */
+            /* A frame without a time stamp gets the newest time stamp of its bus */
             if (frame[i].time_ns == 0) {
                 frame[i].time_ns = viewer->frame_ns[bus];
             }

@@ -1,26 +1,26 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The page: shows a running simulator to a browser or a program and, with the right to control,
- * lets it control the simulator. It serves HTTP and WebSockets at one address; docs/page.md is the
- * manual and lists all messages.
+ * Serves the page, which shows a running simulator in a browser. A client with the right to control
+ * can also control the simulator. A client is a browser or any program. HTTP and WebSockets share
+ * one address. docs/page.md is the manual and lists all messages.
  *
- * There are two rights, each with its own token: to look, and to control. A page gets its token in
- * the fragment of its address, which browsers do not send to servers, and sends it in its first
- * message. A client that may only look can neither change the simulator nor send frames. A request
- * must have the server's bound address as its Host, and an Origin of the server's own pages
- * (viewer/http_request.h).
+ * There are two rights, each with its own token: to look, and to control. A page finds its token in
+ * the fragment of its address, which browsers do not send to servers. The page sends the token in
+ * its first message. A client with only the right to look can neither change the simulator nor send
+ * frames. The Host of a request must be the server's bound address, and its Origin must be the
+ * origin of the server's own pages (viewer/http_request.h).
  *
  * The control socket (control/control.h) executes the requests of clients. The viewer connects to
  * it once for each client with the right to control, as `coman-hil ctl` does. The viewer has its
  * own ports to send and receive frames, like any participant of the buses.
  *
- * One thread does all the work. It reads what the loop publishes (sim/simulator.h) and never makes
- * the loop wait. Its memory is bounded: VIEWER_CLIENTS connections with an inbox and an outbox
- * each. If a slow client has no space for a state, the state is skipped and counted. A client that
- * reads nothing for 10 s is disconnected and counted. Not RT-safe.
+ * One thread does all the work. It reads the data that the loop publishes (sim/simulator.h), and
+ * never blocks the loop. Its memory is bounded: VIEWER_CLIENTS connections with an inbox and an
+ * outbox each. If a slow client's outbox has no space for a state, the state is skipped and
+ * counted. A client that reads nothing for 10 s is disconnected and counted. Not RT-safe.
  *
- * A recording is served in the same way: states, frames and events come from the files, at a time
- * that each client chooses for itself. A recording cannot be controlled.
+ * A recording is served in the same way, with states, frames and events from its files. Each client
+ * chooses its own time in the recording. A recording cannot be controlled.
  */
 #ifndef VIEWER_VIEWER_H
 #define VIEWER_VIEWER_H
@@ -58,31 +58,30 @@ struct viewer_config {
     const char *host;        /* numeric; NULL = 127.0.0.1 */
     uint16_t port;           /* 0 = any free port */
     const char *control;     /* path of the control socket; NULL = no control */
-    const char *token[2];    /* tokens to look and to control, of VIEWER_TOKEN; NULL = made new */
+    const char *token[2];    /* tokens to look and to control; NULL = make new ones */
     struct bus_ports *ports; /* from simulator_join; NULL = no trace and no sending of frames */
 
-    /* For playback, instead of simulator, control and ports: a recording, which each client plays
-     * at its own time, and its rig */
+    /* For playback: a recording and its rig; simulator, control and ports are then unused */
     const struct recording *recording;
     const struct rig *rig;
-    /* a second recording of the same rig, to compare with; NULL = none */
+    /* a second recording of the same rig, for comparison; NULL = none */
     const struct recording *with;
 };
 
 struct viewer_counters {
     uint64_t clients; /* clients with a token */
-    /* connections without a free place; requests with a wrong Host, Origin or token */
+    /* refused: connections without a free place; requests with a wrong Host, Origin or token */
     uint64_t refused;
     uint64_t cut_junk, cut_slow, cut_silent;
     uint64_t cut_idle; /* connections without a token that were closed to make room */
     uint64_t states, skipped_states;
-    uint64_t frames_sent, frames_untaken; /* frames of clients to the buses */
+    uint64_t frames_sent, frames_untaken; /* clients' frames: sent, and refused by a bus */
 };
 
 struct viewer;
 
-/* Checks whether the mesh of a visual can be shown, from the start and the size of its file.
- * ERROR_INPUT or ERROR_SYSTEM with the reason, for people. Not RT-safe. */
+/* Checks whether the page can show the mesh of a visual, from the header and the size of its file.
+ * Returns ERROR_INPUT or ERROR_SYSTEM with a reason to display. Not RT-safe. */
 enum error_code viewer_check_visual(const struct robot_visual *visual, struct error *error);
 
 /* ---- a recording ---- */
@@ -96,9 +95,10 @@ struct recording_config {
 
 struct recording;
 
-/* Opens the CSV files of a recording (viewer/recorded.h); files of frames and of events may be
- * missing. All arguments are borrowed; memory is from arena and the heap. Returns ERROR_INPUT if
- * it is not a recording, or not of this rig. Close *recording even after an error. */
+/* Opens the CSV files of a recording (viewer/recorded.h), and the files of frames and events
+ * if they exist. All arguments are borrowed; memory is from the arena and the heap. Returns
+ * ERROR_INPUT if the folder is not a recording of this rig. Close *recording also after an
+ * error. */
 enum error_code recording_open(const struct recording_config *config, struct arena *arena,
                                struct recording **recording, struct error *error);
 void recording_close(struct recording *recording); /* NULL is allowed */
@@ -110,9 +110,10 @@ uint64_t recording_strange_frames(const struct recording *recording);
 
 /* ---- the server ---- */
 
-/* Listens and starts the thread. Call it after simulator_create and before simulator_start, so
- * that the thread gets ordinary scheduling and processors. All arguments are borrowed until
- * viewer_destroy. ERROR_INPUT: the host is not a numeric address; ERROR_SYSTEM, ERROR_MEMORY. */
+/* Opens the socket and starts the thread. Call it after simulator_create and before
+ * simulator_start, so that the thread does not inherit real-time priority and processors. All
+ * arguments are borrowed until viewer_destroy. Returns ERROR_INPUT if the host is not a numeric
+ * address, ERROR_SYSTEM, or ERROR_MEMORY. */
 enum error_code viewer_start(const struct viewer_config *config, struct viewer **viewer,
                              struct error *error);
 
@@ -124,42 +125,43 @@ void viewer_serve(struct viewer *viewer);
 const char *viewer_token(const struct viewer *viewer, bool control);
 uint16_t viewer_port(const struct viewer *viewer);
 
-/* Returns the address of the page to print, with the right to control or only to look. "" if
- * control is not possible. Owned by the viewer. */
+/* Returns the address of the page, with the token to control or to look. "" if control is not
+ * possible. The viewer owns the text. */
 const char *viewer_address(const struct viewer *viewer, bool control);
 
-/* Adds an event of the run to the time line. Call it from any thread except the loop's. */
+/* Adds an event of the run to the timeline. Call it from any thread except the loop's. */
 void viewer_put_event(struct viewer *viewer, enum journal_priority priority, const char *text);
 
 /* The end of a run. */
 struct viewer_end {
     bool failed, stays;    /* stays: viewer_linger will be called */
-    const char *text;      /* "ran its length" */
+    const char *text;      /* reason, for example "ran its length" */
     double time_s;         /* virtual time */
     const char *task;      /* name of the task; NULL = none */
     const char *task_text; /* last message of the task; NULL = none */
     const char *recording; /* folder of the recording, with complete files if stays; NULL = none */
 };
 
-/* Sends the clients the outcome of the run, after the loop has ended. Clients that asked to stay
- * are served further, with the last state, the history and the files of the recording. The others
- * are disconnected. ERROR_MEMORY. */
+/* Sends the outcome of the run to the clients, after the loop has ended. Clients that asked to stay
+ * can still get the last state, the history and the files of the recording. Other clients are
+ * disconnected. Returns ERROR_MEMORY. */
 enum error_code viewer_end(struct viewer *viewer, const struct viewer_end *end,
                            struct error *error);
 
-/* Checks whether a client is connected that stays after the end of a run. NULL is allowed. */
+/* Returns whether a client that stays after the end of a run is connected. NULL is allowed. */
 bool viewer_is_watched(const struct viewer *viewer);
 
-/* Waits after viewer_end. It ends when no staying client was connected for two seconds, after
- * longest_s, or when stopped(context), called twenty times a second, returns true. */
+/* Waits after viewer_end, while clients that stay are connected. Returns two seconds after the
+ * last of them has left, after longest_s, or when stopped(context) returns true. stopped is called
+ * twenty times per second. */
 void viewer_linger(const struct viewer *viewer, double longest_s, bool (*stopped)(void *context),
                    void *context);
 
-/* After the loop has ended: sends the clients the end, and closes all connections. NULL is
- * allowed. */
+/* Sends the end to the clients, and closes all connections. Call it after the loop has ended. NULL
+ * is allowed. */
 void viewer_stop(struct viewer *viewer);
 
-/* Copies the counters as of the thread's last turn. */
+/* Copies the counters. They were updated in the thread's last turn. */
 void viewer_counters(struct viewer *viewer, struct viewer_counters *counters);
 void viewer_destroy(struct viewer *viewer); /* NULL is allowed */
 

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* ---- SHA-1, FIPS 180-4: here a checksum that the protocol requires, not for security ---- */
+/* ---- SHA-1, FIPS 180-4: a checksum that the protocol requires, not for security ---- */
 
 enum { SHA1_BLOCK = 64, SHA1_SIZE = 20 };
 
@@ -57,7 +57,7 @@ static void sha1_digest(const char *text, uint8_t digest[SHA1_SIZE])
     uint8_t block[2 * SHA1_BLOCK] = {0};
     size_t size = strlen(text), blocks = size + 9 > SHA1_BLOCK ? 2 : 1;
 
-    /* The text, a one bit, zeros, and its length in bits, big-endian */
+    /* Pad the text: a one bit, zeros, and the text's length in bits, big-endian */
     memcpy(block, text, size);
     block[size] = 0x80;
     block[blocks * SHA1_BLOCK - 2] = (uint8_t)(8 * size >> 8);
@@ -79,7 +79,7 @@ void websocket_accept(const char *key, char accept[WEBSOCKET_ACCEPT])
     snprintf(text, sizeof text, "%.24s258EAFA5-E914-47DA-95CA-C5AB0DC85B11", key);
     sha1_digest(text, digest);
 
-    /* 20 bytes are six groups of three bytes, and two bytes */
+    /* Encode in base64: 20 bytes are six groups of three bytes, and two bytes */
     for (int i = 0; i < 7; i++) {
         uint32_t group = (uint32_t)digest[3 * i] << 16 | (uint32_t)digest[3 * i + 1] << 8 |
                          (i < 6 ? digest[3 * i + 2] : 0U);
@@ -94,7 +94,7 @@ void websocket_accept(const char *key, char accept[WEBSOCKET_ACCEPT])
 
 /* ---- frames ---- */
 
-/* Reads the length of the payload and its offset; returns false if the header is incomplete. */
+/* Reads length and offset of the payload. Returns false if the header is incomplete. */
 static bool frame_read_length(const uint8_t *data, size_t size, uint64_t *length, size_t *begin)
 {
     size_t more = (data[1] & 0x7f) == 126 ? 2 : (data[1] & 0x7f) == 127 ? 8 : 0;
@@ -109,7 +109,7 @@ static bool frame_read_length(const uint8_t *data, size_t size, uint64_t *length
     for (size_t i = 0; i < more; i++) {
         *length = *length << 8 | data[2 + i];
     }
-    *begin = 2 + more + 4; /* the mask */
+    *begin = 2 + more + 4; /* 4: the mask */
     return true;
 }
 
@@ -126,15 +126,15 @@ int websocket_read(uint8_t *data, size_t size, size_t max, struct websocket_fram
     frame->opcode = (enum websocket_opcode)(data[0] & 0x0f);
     control = frame->opcode >= WEBSOCKET_CLOSE;
 
-    /* Reserved bits, unmasked frames and unknown kinds are errors; control frames are short and
-     * not fragmented */
+    /* Refuse reserved bits, unmasked frames, unknown kinds, and long or fragmented control
+     * frames */
     if (data[0] & 0x70 || !(data[1] & 0x80) || frame->opcode > WEBSOCKET_PONG ||
         (frame->opcode > WEBSOCKET_BINARY && !control) ||
         (control && (!frame->final || (data[1] & 0x7f) > WEBSOCKET_CONTROL_MAX))) {
         return WEBSOCKET_PROTOCOL;
     }
 
-    /* Checks the length before the payload has arrived, so that the server does not wait for a
+    /* Check the length before the payload has arrived, so that the server does not wait for a
      * payload that does not fit */
     if (!frame_read_length(data, size, &length, &begin)) {
         return 0;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The server's side of the WebSocket protocol, RFC 6455: the answer to a key, and frames. A message
- * may be fragmented, with control frames between the fragments; the caller sets its maximum length.
+ * may be fragmented, with control frames between the fragments. The caller sets the maximum length.
  * No memory is allocated. Not RT-safe: it runs only in the viewer's thread.
  */
 #ifndef VIEWER_WEBSOCKET_H
@@ -45,8 +45,9 @@ struct websocket_frame {
     size_t used; /* length of the whole frame */
 };
 
-/* Reads the frame at data and unmasks it in place; its payload may have at most max bytes. Returns
- * 0 if it is incomplete, 1 if it is complete, or the status (above 1) to close with. */
+/* Reads the frame at `data` and unmasks it in place. Its payload may have at most `max` bytes.
+ * Returns 0 if the frame is incomplete, 1 if it is complete, otherwise the status (above 1) of the
+ * close message. */
 int websocket_read(uint8_t *data, size_t size, size_t max, struct websocket_frame *frame);
 
 /* Writes the header of a complete message of the server; returns its length. */

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bodies of a scene as solids: what they look like where their file says it, else what can touch:
-// meshes, capsules, boxes and spheres of the description; drums where joints turn, bones between
-// them; a box of equal inertia for a body that has no shape.
+// Builds the solids of a scene's bodies. A body with visual shapes in its file shows those. Other
+// bodies show their collision shapes: meshes, capsules, boxes and spheres. Joints are drums, with
+// bones between them. A body without shapes is a box of equal inertia.
 import * as THREE from 'three';
 import { makeLooks } from './looks.js';
 import { place, primitiveGeometry, setShadow } from './solids.js';
@@ -16,7 +16,7 @@ const HOT = new THREE.Color(0xd1372c);
 
 const vector = (array) => new THREE.Vector3(...array);
 
-/** The box of uniform density that has a body's principal moments, as a mesh in the body. */
+/** Returns a mesh: the box of uniform density with the body's principal moments of inertia. */
 function equivalentBox(body, material) {
   const [xx, , , yy, , zz] = body.inertia_kg_m2;
   const mass = body.mass_kg;
@@ -27,7 +27,7 @@ function equivalentBox(body, material) {
   return mesh;
 }
 
-/** The ellipsoid of uniform density with a body's moments about its axes. */
+/** Returns a mesh: the ellipsoid of uniform density with the body's moments about its axes. */
 function inertiaEllipsoid(body, material) {
   const [xx, , , yy, , zz] = body.inertia_kg_m2;
   const axis = (a, b, c) => Math.sqrt(Math.max(2.5 * (a + b - c) / body.mass_kg, 1e-6));
@@ -45,13 +45,13 @@ async function meshGeometry(load, url) {
     new Float32Array(buffer, 8, 3 * nvertex), 3));
   geometry.setIndex(new THREE.BufferAttribute(
     new Uint32Array(buffer, 8 + 12 * nvertex, 3 * nface), 1));
-  // Faces of their own, so that edges stay sharp
+  // Separate the vertices of the faces, so that edges stay sharp
   const flat = geometry.toNonIndexed();
   flat.computeVertexNormals();
   return flat;
 }
 
-/** The material of a solid: a matt one where a processor has to draw, whose program is the shorter. */
+/** Returns the material of a solid. matt: a cheaper shader, for drawing without a graphics card. */
 export function makeSkin(matt, roughness, metalness, other) {
   return matt ? new THREE.MeshLambertMaterial(other)
     : new THREE.MeshStandardMaterial({ roughness, metalness, ...other });
@@ -76,9 +76,9 @@ export function makeBodies(hello, loadMesh, changed, matt) {
   const glasses = [];
   const drums = [];
   const shaped = new Set();
-  const width = new Map(); // of a body's capsules
+  const width = new Map(); // width of each body's capsules
 
-  // What the description has
+  // Collision shapes of the description
   for (const shape of shapes) {
     if (shape.shape === 'half_space') continue;
     const owner = shape.body < 0 ? group : places[shape.body];
@@ -101,7 +101,7 @@ export function makeBodies(hello, loadMesh, changed, matt) {
     }
   }
 
-  // Drums of joints, each on the body that it moves, and bones from body to body
+  // A drum for each joint, on the body that the joint moves, and bones between bodies
   joints.forEach((joint, j) => {
     const body = bodies[joint.body];
     const size = Math.min(0.036, 0.016 + 0.012 * Math.cbrt(body.mass_kg));
@@ -137,7 +137,7 @@ export function makeBodies(hello, loadMesh, changed, matt) {
     return bone;
   });
 
-  // What the robot's file says that it looks like, in colors of its own or that of the body's skin
+  // Visual shapes of the robot's file, in their own colors or in the color of the body's skin
   const painted = []; // {skin, own, body}
   const paint = (color, body) => {
     if (!color) return skins[body];
@@ -148,13 +148,13 @@ export function makeBodies(hello, loadMesh, changed, matt) {
   };
 
   let marked = null;
-  // Every body of the robot has a skin of its own, which takes the color of its joint's torque
+  // Each body of the robot has its own skin, colored by the torque of the body's joint
   const skins = bodies.map((_, i) => i < nrobot ? material.shell.clone() : material.free);
   const skinOf = (mesh) => skins[mesh.parent.userData.body];
   for (const solid of solids) solid.material = skinOf(solid);
   const looks = makeLooks(hello.scene.visuals ?? [], loadMesh, places, paint, (whole) => changed(whole));
 
-  /** The color of a share of the greatest torque. */
+  /** Sets a color for `part`, the torque as a share of the joint's limit. */
   function tint(color, calm, part) {
     if (part < 0.35) color.lerpColors(calm, WARM, part / 0.35);
     else color.lerpColors(WARM, HOT, (part - 0.35) / 0.65);
@@ -166,7 +166,7 @@ export function makeBodies(hello, loadMesh, changed, matt) {
     lacks: looks.lacks,
     parts: looks.parts,
 
-    /** The box in the world about all that is seen of the bodies. */
+    /** Returns the bounding box, in the world, of the visible bodies. */
     bounds() {
       const box = new THREE.Box3();
       group.updateMatrixWorld(true);
@@ -183,7 +183,7 @@ export function makeBodies(hello, loadMesh, changed, matt) {
       skins[0].color.copy(material.shell.color);
     },
 
-    /** Which body is chosen, null = none. */
+    /** Highlights the chosen body; null = none. */
     mark(index) {
       marked = index;
       const shine = (skin, i) => {
@@ -225,7 +225,7 @@ export function makeBodies(hello, loadMesh, changed, matt) {
           bone.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), way.divideScalar(length));
         }
       }
-      const loads = []; // by body: the share of its joint's torque
+      const loads = []; // for each body: torque of its joint as a share of the limit
       drums.forEach((drum, j) => {
         const limit = joints[j].torque_limit_nm || 50;
         const part = Math.min(1, Math.abs(state.joints[2 * j + 1]) / limit);

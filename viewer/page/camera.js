@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the robot is looked at from: from the front, the side, above, or along with a body.
+// Sets the camera: a view from the front, the side or above, or a camera that moves with a body.
 import * as THREE from 'three';
 
-/** Names, keys, and where the camera is, seen from a robot that looks along x. */
+/** The views: name, key, and direction from the robot to the camera; the robot faces along x. */
 export const VIEWS = { front: { key: '7', text: 'from the front', from: [1, 0, 0.08] },
   side: { key: '8', text: 'from the right side', from: [0, -1, 0.08] },
   top: { key: '9', text: 'from above', from: [-1e-3, 0, 1] },
@@ -10,13 +10,13 @@ export const VIEWS = { front: { key: '7', text: 'from the front', from: [1, 0, 0
 
 const UP = new THREE.Vector3(0, 0, 1);
 
-/** The heading of a body: the angle of its x axis about the vertical. */
+/** Returns the heading of a body: the angle of its x axis about the vertical, rad. */
 function heading(body) {
   const ahead = new THREE.Vector3(1, 0, 0).applyQuaternion(body.quaternion);
   return Math.atan2(ahead.y, ahead.x);
 }
 
-/** The middle of the robot's bodies, of which it has so many. */
+/** Returns the center of the robot's bodies: the first nrobot bodies of the scene. */
 function middle(scene, nrobot) {
   const box = new THREE.Box3();
   for (const body of scene.robot.bodies.slice(0, nrobot)) box.expandByPoint(body.position);
@@ -24,23 +24,23 @@ function middle(scene, nrobot) {
 }
 
 export class Camera {
-  #ridden = null; // {index, position, heading} of the body that the camera goes along with
+  #ridden = null; // {index, position, heading} of the body that the camera moves with
 
-  /** scene: a Scene; hello: the description. */
+  /** scene: a Scene; hello: the server's hello message. */
   constructor(scene, hello) {
     this.scene = scene;
     this.nrobot = hello.scene.joints.length + 1;
     scene.moved = () => this.#ride();
   }
 
-  /** One of VIEWS; index: the chosen body, null = the first one. */
+  /** Selects a view of VIEWS. index: the chosen body, null = the first body. */
   view(name, index) {
     if (name === 'body') this.#mount(index ?? 0);
     else this.#turn(VIEWS[name].from);
     this.scene.dirty = true;
   }
 
-  /** Looks at the robot from a side of its own, as far away as before. */
+  /** Moves the camera to a direction in the robot's heading frame; keeps the distance. */
   #turn(from) {
     const { camera, controls, robot } = this.scene;
     const far = camera.position.distanceTo(controls.target);
@@ -51,7 +51,7 @@ export class Camera {
     controls.update();
   }
 
-  /** The camera keeps its place beside a body that moves and turns. */
+  /** Attaches the camera to a body: it follows the body's position and heading. */
   #mount(index) {
     const body = this.scene.robot.bodies[index];
     this.#ridden = { index, position: body.position.clone(), heading: heading(body) };
@@ -59,12 +59,12 @@ export class Camera {
     this.scene.controls.update();
   }
 
-  /** Back to where the scene puts it. */
+  /** Detaches the camera from a body. */
   free() {
     this.#ridden = null;
   }
 
-  /** Whether the camera goes along with a body, and not with the base. */
+  /** Returns whether the camera is attached to a body. */
   get rides() {
     return this.#ridden !== null;
   }

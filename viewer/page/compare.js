@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// A second recording beside what is shown: its signals as dashed curves in the same plots, its robot as
-// a ghost. Its files come from the server (replay --with) or from the reader's disk.
+// Compares with a second recording: its signals are dashed curves in the same plots, and its robot
+// is a transparent ghost. Its files come from the server (replay --with) or from the user's disk.
 import * as THREE from 'three';
 import { makeBodies } from './bodies.js';
 import { h, setText } from './dom.js';
 import { nearest } from './plot.js';
 
-const TRIES = 5; // to read a file of the server
+const TRIES = 5; // attempts to read a file from the server
 const AGAIN_MS = 1000;
 const POSE = 7; // columns of a body in poses.csv: position, quaternion wxyz
 const GHOST = { color: 0x8e5bd6, transparent: true, opacity: 0.35, depthWrite: false };
 
-/** A table of numbers with titles, as a recording has: times, and the columns of the titles that are
- * wanted by their names. Cells that are no numbers are NaN. */
+/** Parses a CSV file of a recording. Returns the times and the columns with wanted titles, by
+ * title. Cells that are not numbers are NaN. */
 export function readTable(text, wanted = () => true) {
   const end = text.indexOf('\n');
   const titles = text.slice(0, end < 0 ? undefined : end).trimEnd().split(',');
@@ -31,8 +31,8 @@ export function readTable(text, wanted = () => true) {
   return { times, columns };
 }
 
-/** Rows of a table between two times, one more on either side; with more than so many points the least
- * and the greatest of some. */
+/** Returns the rows of a table between two times, plus one row on each side. If there are more rows
+ * than `points`, returns the minimum and maximum of groups of rows instead. */
 export function cutTable({ times, columns }, names, from, to, points) {
   if (!times.length) return { times, columns: new Map() };
   const first = Math.max(0, nearest(times, from) - 1);
@@ -62,9 +62,9 @@ export function cutTable({ times, columns }, names, from, to, points) {
 export class Compare {
   #poses = null;
   #ghost = null;
-  #shown = NaN; // time
+  #shown = NaN; // time of the ghost's pose, s
 
-  /** changed(table): the signals of the other recording have come, or null: are gone. */
+  /** changed(table) is called when the other recording's signals are loaded; null = removed. */
   constructor(hello, scene, loadMesh, { changed, complain }) {
     Object.assign(this, { hello, scene, loadMesh, changed, complain });
     this.file = h('input', { type: 'file', accept: '.csv', multiple: true, hidden: true,
@@ -98,7 +98,7 @@ export class Compare {
     }
   }
 
-  /** The recording of replay --with, whose files are long: tells how far it is, and tries again what breaks off. */
+  /** Fetches the recording of replay --with. Its files are long: shows progress, and retries. */
   async fetch(link, directory) {
     const read = async (name) => {
       for (let left = TRIES - 1; ; left--) {
@@ -122,7 +122,7 @@ export class Compare {
     this.button.disabled = false;
   }
 
-  /** Takes the texts of its files; poses may be undefined. */
+  /** Loads the recording from the texts of its two CSV files; poses may be undefined. */
   load(name, signals, poses) {
     const known = new Set(this.hello.signals.map((signal) => signal.name));
     this.#show(name, readTable(signals, (title) => known.has(title)), poses ? readTable(poses) : null);
@@ -151,7 +151,7 @@ export class Compare {
     return ghost;
   }
 
-  /** Puts the ghost where the other robot was at a time. */
+  /** Moves the ghost to the other robot's pose at a time. */
   show(time) {
     if (!this.#poses?.times.length || time === this.#shown) return;
     this.#shown = time;
@@ -164,7 +164,7 @@ export class Compare {
     });
     this.#ghost.update({ bodies, joints: new Float32Array(2 * this.hello.scene.joints.length) },
       { torques: false, skeleton: false });
-    this.material.color.set(GHOST.color); // drums take another one
+    this.material.color.set(GHOST.color); // the drums have another color
     this.scene.dirty = true;
   }
 }

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames to signals and back, by the messages of /messages.json: bit 8 i + j is bit j of byte i;
-// little-endian signals start at their least, big-endian ones at their most significant bit.
+// Decodes frames into signals and encodes signals into frames, by the messages of /messages.json.
+// Bit 8 i + j is bit j of byte i. The start bit of a little-endian signal is its least significant
+// bit, the start bit of a big-endian signal its most significant bit.
 
-/** The bits of a signal from the most significant on, as positions in the frame. */
+/** Iterates over the bit positions of a signal in the frame, most significant bit first. */
 function* bitsOf(signal) {
   if (!signal.big_endian) {
     for (let k = signal.bits - 1; k >= 0; k--) yield signal.start + k;
@@ -29,7 +30,7 @@ function rawValue(signal, data) {
   return value;
 }
 
-/** The signals that a frame carries: name, value, unit, and the word for the value if it has one. */
+/** Returns the signals of a frame: name, value, unit, and the word for the value if it has one. */
 export function decode(message, data) {
   const multiplexor = message.signals.find((signal) => signal.multiplexor);
   const selected = multiplexor ? rawValue(multiplexor, data) : null;
@@ -44,7 +45,7 @@ export function decode(message, data) {
   return found;
 }
 
-/** Puts values, by name, into the bytes of a frame; what they do not name stays zero. */
+/** Encodes values, given by signal name, into the bytes of a frame. Other signals are zero. */
 export function encode(message, values) {
   const data = new Uint8Array(message.length);
   const multiplexor = message.signals.find((signal) => signal.multiplexor);
@@ -79,7 +80,8 @@ export class Database {
     this.#byBus = buses.map((messages) => new Map(messages.map((m) => [key(m), m])));
   }
 
-  /* Identifiers with values in them are found by the rest of their bits. */
+  /* Finds the message of a frame. Identifiers that carry values are compared by their other
+   * bits. */
   find(bus, frame) {
     return this.#byBus[bus]?.get(key(frame)) ?? (frame.extended
       ? this.buses[bus]?.find((m) => m.mask && m.extended && (frame.id & ~m.mask) === m.id)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Elements in one call, and numbers as people read them.
+// Creates elements with one call, and formats numbers.
 
-/** h('button', {class: 'x', onclick: f}, 'text', child) */
+/** Creates an element: h('button', {class: 'x', onclick: f}, 'text', child). */
 export function h(tag, properties = {}, ...children) {
   const element = document.createElement(tag);
   for (const [key, value] of Object.entries(properties ?? {})) {
@@ -15,7 +15,7 @@ export function h(tag, properties = {}, ...children) {
   return element;
 }
 
-/** A sign of 12 by 12 units, as a path: no font has them all. */
+/** Creates an icon of 12 x 12 units from an SVG path, because no font has all icons. */
 export function sign(path) {
   const space = 'http://www.w3.org/2000/svg';
   const picture = document.createElementNS(space, 'svg');
@@ -27,7 +27,7 @@ export function sign(path) {
   return picture;
 }
 
-/** Sets the text only when it differs: a quiet page does not lay itself out anew. */
+/** Sets the text only if it differs, which avoids a new layout of the page. */
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
@@ -36,7 +36,7 @@ export function setClass(element, name, on) {
   if (element.classList.contains(name) !== Boolean(on)) element.classList.toggle(name, Boolean(on));
 }
 
-/** Rounded to so many digits behind the point, without a negative zero. */
+/** Formats a number with a fixed number of decimals; avoids a negative zero. */
 export function fixed(value, digits = 2) {
   if (!Number.isFinite(value)) return '–';
   const text = value.toFixed(digits);
@@ -47,17 +47,17 @@ export function count(value) {
   return value.toLocaleString('en-US').replaceAll(',', ' ');
 }
 
-/** As few digits as say it, four that matter at most. */
+/** Formats a number with as few digits as possible, and at most four significant digits. */
 export function plain(value) {
   return Number.isFinite(value) ? String(+value.toPrecision(4)) : '–';
 }
 
-/** Pixels that the numbers of an axis need beside it, at 7 a letter, with the tick and the gap. */
+/** Returns the width (px) of an axis: longest label at 7 px per letter, tick and gap. */
 export function axisWidth(labels) {
   return Math.max(52, 16 + 7 * Math.max(0, ...(labels ?? []).map((label) => String(label ?? '').length)));
 }
 
-/** Four digits that matter, for any size. */
+/** Formats a number of any size with four significant digits. */
 export function short(value) {
   if (!Number.isFinite(value)) return '–';
   const size = Math.abs(value);
@@ -65,7 +65,7 @@ export function short(value) {
   return fixed(value, size >= 1000 ? 0 : size >= 100 ? 1 : size >= 10 ? 2 : 3);
 }
 
-/** Hands a file to the browser, to be kept. */
+/** Downloads a file to the user's disk. */
 export function save(file, blob) {
   const url = URL.createObjectURL(blob);
   h('a', { href: url, download: file }).click();

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// A body that is dragged with the pointer: a spring between the point that was taken hold of and the
-// pointer pushes it, as in MuJoCo's simulate. The force is a push of the control socket that ends by
-// itself when this page no longer renews it.
+// Drags a body with the pointer. A spring pulls the grabbed point to the pointer, as in MuJoCo's
+// simulate. The force is a push request of the control socket. A push expires if it is not renewed.
 import * as THREE from 'three';
 import { fixed, h, setText } from './dom.js';
 
-const STRETCH_M = 0.5; // of the spring at the robot's weight
-const WEIGHTS_MOST = 2; // of the robot: the greatest force
-const PERIOD_MS = 33; // between requests
-const HOLD_S = 0.3; // of wall time, for which a request lasts
+const STRETCH_M = 0.5; // stretch of the spring at which its force equals the robot's weight
+const WEIGHTS_MOST = 2; // maximum force, in weights of the robot
+const PERIOD_MS = 33; // time between push requests
+const HOLD_S = 0.3; // duration of one push, in wall-clock time
 const G = 9.81;
 
 export class Drag {
@@ -16,10 +15,10 @@ export class Drag {
   #asking = false;
   #askedAt = 0;
 
-  /** pace(): virtual seconds a second. */
+  /** pace() returns virtual seconds per second. */
   constructor(link, hello, scene, { pace, complain }) {
     Object.assign(this, { link, hello, scene, pace, complain });
-    this.mode = false; // whether a drag without Ctrl is one of a body
+    this.mode = false; // true: a drag moves a body also without Ctrl
     this.weight = Math.max(1, hello.scene.robot_mass_kg * G);
     this.label = h('output', { class: 'force mono', hidden: true, 'aria-live': 'off' });
     const stage = scene.canvas.parentElement;
@@ -44,7 +43,7 @@ export class Drag {
     if (this.#held || event.button !== 0 || !(this.mode || event.ctrlKey)) return;
     const hit = this.scene.hit(event.clientX, event.clientY);
     if (!hit || hit.body === null) return;
-    event.stopPropagation(); // or else the camera turns too
+    event.stopPropagation(); // otherwise the camera turns too
     event.preventDefault();
     const body = this.scene.robot.bodies[hit.body];
     const away = this.scene.camera.getWorldDirection(new THREE.Vector3());
@@ -64,7 +63,7 @@ export class Drag {
     if (this.#held?.pointer === event.pointerId) this.release();
   }
 
-  /** The point that is held, in the world, and the force on it. */
+  /** Returns the grabbed point in the world (m) and the force on it (N). */
   #force() {
     const point = this.scene.robot.bodies[this.#held.body].localToWorld(this.#held.point.clone());
     const force = this.#held.target.clone().sub(point).multiplyScalar(this.weight / STRETCH_M)
@@ -72,7 +71,7 @@ export class Drag {
     return { point, force };
   }
 
-  /** With each state and each move: draws the force and renews the push. */
+  /** Draws the force and renews the push. Call it after each state and each pointer move. */
   update() {
     if (!this.#held) return;
     const { point, force } = this.#force();
@@ -91,7 +90,7 @@ export class Drag {
     }
   }
 
-  /** Lets go: the force is 0. */
+  /** Releases the body: the force becomes 0. */
   release() {
     if (!this.#held) return;
     const { body, pushed } = this.#held;

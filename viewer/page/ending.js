@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a run has ended: its verdict, what its task says, its warnings, and the files of its recording.
+// Shows how a run ended: verdict, the task's message, warnings, and the files of the recording.
 import { count, fixed, h, setText } from './dom.js';
 
 const WARNINGS = 6;
 const LATE = 'overrun by ';
 
-/** Bytes as people read them. */
+/** Formats a size in bytes with its unit. */
 function size(bytes) {
   return bytes < 1e4 ? `${count(bytes)} B` : bytes < 1e7 ? `${fixed(bytes / 1e3, 0)} kB` : `${fixed(bytes / 1e6, 0)} MB`;
 }
 
-/** Overruns in one line, however many there are. */
+/** Summarizes the overruns in one line. */
 function summary(late) {
   const worst = Math.max(...late.map(({ text }) => Number.parseFloat(text.slice(LATE.length))));
   return `${count(late.length)} ${late.length === 1 ? 'overrun' : 'overruns'} in the log, by ${fixed(worst, 1)} ms at most`;
@@ -24,7 +24,7 @@ export class Ending {
     this.element = h('section', { class: 'ending', id: 'ending', role: 'status', hidden: true });
   }
 
-  /** end: the server's message; events: of the run; openEvents: shows all of them. */
+  /** end: the server's end message; events: the run's events; openEvents() shows all events. */
   show(end, events, openEvents) {
     const bad = events.filter(({ priority }) => priority <= 4);
     const late = bad.filter(({ text }) => text.startsWith(LATE));
@@ -51,7 +51,7 @@ export class Ending {
         onclick: (event) => this.#save(event, name) }, name, h('small', { class: 'muted' }, ` ${size(bytes)}`)))));
   }
 
-  /** The server gives files to those with the token alone, which a plain link does not tell. */
+  /** Downloads a file with a request that carries the token, because a plain link cannot. */
   async #save(event, name) {
     event.preventDefault();
     try {
@@ -67,7 +67,7 @@ export class Ending {
     setText(this.note, text);
   }
 
-  /** The program is gone. */
+  /** Shows that the program has ended, and disables the links to its files. */
   lose() {
     for (const link of this.element.querySelectorAll('.files a')) link.replaceWith(link.textContent, ' ');
     this.#tell('The program has ended. This page waits for the next run at this address.');

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Events as a list, and as marks on the line by which the last half minute is looked at again.
+// Shows events in a list, and as marks on the timeline of the last half minute.
 import { fixed, h, setClass, setText } from './dom.js';
 
 import { readEvent } from './playback.js';
@@ -26,7 +26,7 @@ export class Events {
     });
   }
 
-  /** All of a recording, in the order of time. */
+  /** Loads all events of a recording, ordered by time. */
   async load(link) {
     const text = await (await link.fetch('/events.log')).text();
     this.recorded = true;
@@ -48,7 +48,7 @@ export class Events {
   #list() {
     const words = this.filter.value.toLowerCase();
     const found = this.#all.filter(({ text }) => text.toLowerCase().includes(words));
-    // A recording is listed around its moment, as it went; a run as it goes, the newest first
+    // A recording: the events around the shown time, oldest first. A run: the newest event first
     const next = found.findIndex(({ time }) => time > this.time);
     const from = Math.max(0, (next < 0 ? found.length : next) - LISTED / 2);
     const listed = this.recorded ? found.slice(from, from + LISTED) : found.slice(-LISTED).reverse();
@@ -62,7 +62,8 @@ export class Events {
     this.items.replaceChildren(...this.rows.map(({ element }) => element));
   }
 
-  /** The events of a recording that are still to come are dim, and the last one is in sight. */
+  /** Dims the events of a recording after the shown time, and scrolls to the last event before
+   * it. */
   #follow() {
     let last = null;
     for (const { time, element } of this.rows ?? []) {
@@ -85,7 +86,7 @@ export class Events {
   }
 }
 
-/** The last half minute: states as they came, and the line to go back on. */
+/** Keeps the states of the last half minute, and shows the timeline to go back. */
 export class Past {
   #kept = [];
   #shown = null;
@@ -102,7 +103,7 @@ export class Past {
       h('div', { class: 'line' }, this.marks, this.range), this.label);
   }
 
-  /** What the newest state is called; said at once, whenever the next picture is drawn. */
+  /** Sets the label of the newest state ("Live") and shows it at once, before the next picture. */
   set word(word) {
     this.#word = word;
     this.#say();
@@ -120,7 +121,7 @@ export class Past {
     while (this.#kept[0].time < state.time - SPAN_S) this.#kept.shift();
   }
 
-  /** The state to show instead of the present one, null = the present. */
+  /** Returns the state to show instead of the newest one; null = the newest. */
   get shown() {
     return this.#shown;
   }

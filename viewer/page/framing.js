@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far away a camera has to be so that a box is in its picture.
+// Computes the camera distance at which a box fits into the picture.
 import * as THREE from 'three';
 
-/** The corners of a box. */
+/** Returns the corners of a box. */
 export function cornersOf(box) {
   return [0, 1, 2, 3, 4, 5, 6, 7].map((i) => new THREE.Vector3(i & 1 ? box.max.x : box.min.x,
     i & 2 ? box.max.y : box.min.y, i & 4 ? box.max.z : box.min.z));
 }
 
 /**
- * The distance from the middle of a box, along a direction of unit length from it to the camera, at
- * which all its corners are within that share of the picture, half its height and width.
+ * Returns the distance between the center of a box and the camera at which the box fits.
+ * direction: unit vector from the box to the camera. share: the part of the picture's half height
+ * and half width that the corners may use.
  */
 export function distanceToFit(camera, box, direction, share) {
   const middle = box.getCenter(new THREE.Vector3());

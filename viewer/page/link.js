@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The connection: hands over the token, asks, and is told. Begins anew when it is lost.
+// The connection to the server: sends the token and requests, and dispatches the messages that
+// arrive. It reconnects after a loss.
 import { readSeries, readState, readTrace } from './wire.js';
 
 const AGAIN_MS = 1500;
-const KEPT = new Set(['watch', 'series']); // answered by the server, after the end of the run too
+const KEPT = new Set(['watch', 'series']); // answered also after the end of the run
 
 export class Link extends EventTarget {
   #socket = null;
@@ -71,7 +72,7 @@ export class Link extends EventTarget {
     if (message.type === 'hello') {
       this.hello = message;
       this.open = true;
-      this.#watch(); // first, so that a state comes while the page is built
+      this.#watch(); // first request, so that a state arrives while the page is built
       this.#tell('hello', message);
     } else if (message.type === 'event') {
       this.#tell('event', message);
@@ -83,7 +84,7 @@ export class Link extends EventTarget {
     }
   }
 
-  /** An answer, or rows that come by themselves. */
+  /** Dispatches a series message: id 0 has live rows, other ids answer a request. */
   #takeSeries(series) {
     if (series.id === 0) this.#tell('rows', series);
     else this.#answer({ ok: true, ...series });
@@ -96,7 +97,7 @@ export class Link extends EventTarget {
     else waiting?.reject(new Error(message.error));
   }
 
-  /** Sends a request; the answer, or an error with its text. */
+  /** Sends a request. Resolves to the answer, or rejects with the server's error text. */
   ask(cmd, keys = {}) {
     if (!this.open) return Promise.reject(new Error('there is no connection'));
     const id = ++this.#number;
@@ -104,13 +105,14 @@ export class Link extends EventTarget {
     return new Promise((resolve, reject) => this.#waiting.set(id, { cmd, resolve, reject }));
   }
 
-  /** Changes what the server sends. */
+  /** Changes which data the server sends. */
   watch(wish) {
     Object.assign(this.#wish, wish);
     return this.open ? this.#watch() : Promise.resolve();
   }
 
-  /** Frames are sent as long as somebody wants them. */
+  /** Subscribes a part of the page to frames, or unsubscribes it. Without subscribers none are
+   * sent. */
   trace(who, on) {
     if (on) this.#tracing.add(who);
     else this.#tracing.delete(who);
@@ -126,14 +128,14 @@ export class Link extends EventTarget {
     }
   }
 
-  /** A file of the server that needs the token. */
+  /** Fetches a file from the server with the token. */
   async fetch(path) {
     const answer = await fetch(path, { headers: { Authorization: `Bearer ${this.token}` } });
     if (!answer.ok) throw new Error(await answer.text() || `${path}: ${answer.status}`);
     return answer;
   }
 
-  /** The text of such a file; told(share, 0 to 1) hears how much of it has come. */
+  /** Fetches the text of a file from the server; calls told(share) with the progress, 0 to 1. */
   async fetchText(path, told) {
     const answer = await this.fetch(path);
     const all = Number(answer.headers.get('Content-Length'));

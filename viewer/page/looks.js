@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the robot looks like: the visual shapes of its file, meshes as they come, and what is missing.
+// Shows the visual shapes of the robot's file. Meshes appear as they arrive. Lists missing meshes.
 import * as THREE from 'three';
 import { place, primitiveGeometry, setShadow } from './solids.js';
 
-const LOADERS = 3; // at a time: the server has few places
+const LOADERS = 3; // parallel requests; the server limits its connections
 const TRIES = 3;
 const AGAIN_MS = 400;
 
-/** Calls functions that make promises, so many at a time. */
+/** Returns a queue for functions that return promises; it runs `lanes` of them in parallel. */
 function makeQueue(lanes) {
   const waiting = [];
   let running = 0;
@@ -25,7 +25,7 @@ function makeQueue(lanes) {
   });
 }
 
-/** The triangles of a binary STL file. */
+/** Returns the triangles of a binary STL file as a geometry. */
 function readStl(buffer) {
   const view = new DataView(buffer);
   const faces = view.getUint32(80, true);
@@ -35,7 +35,7 @@ function readStl(buffer) {
   }
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute('position', new THREE.BufferAttribute(corners, 3));
-  geometry.computeVertexNormals(); // flat: no two faces share a corner
+  geometry.computeVertexNormals(); // flat shading, because no two faces share a vertex
   geometry.computeBoundingBox();
   return geometry;
 }
@@ -45,22 +45,22 @@ async function loadPatiently(load, url) {
     try {
       return readStl(await load(url));
     } catch (error) {
-      if (!(error instanceof TypeError) || tried === TRIES) throw error; // no answer: perhaps no place
+      if (!(error instanceof TypeError) || tried === TRIES) throw error; // no answer: retry
       await new Promise((resolve) => { setTimeout(resolve, AGAIN_MS * tried); });
     }
   }
 }
 
 /**
- * The visual shapes of hello.scene in the bodies' groups. makeMaterial(color): of a color with its
- * opacity, null = the usual one of that body; changed(whole): there is more to see, and with whole
- * nothing is awaited any more.
+ * Adds the visual shapes of hello.scene to the groups of their bodies. makeMaterial(color, body)
+ * returns a material; color: RGBA, null = the default of the body. changed(whole) is called after
+ * each mesh; whole = true: no mesh is outstanding.
  */
 export function makeLooks(visuals, load, places, makeMaterial, changed) {
   const queue = makeQueue(LOADERS);
-  const files = new Map(); // geometries by their address: parts that stand in a robot several times
+  const files = new Map(); // geometries by URL, because a robot may use a mesh several times
   const count = places.map(() => ({ all: 0, there: 0, missing: 0 }));
-  const lacks = []; // {name, reason} of what cannot be shown
+  const lacks = []; // {name, body, reason} of each shape that cannot be shown
   const parts = [];
   let awaited = 0;
 
@@ -96,7 +96,8 @@ export function makeLooks(visuals, load, places, makeMaterial, changed) {
     parts,
     lacks,
 
-    /** Whether a body is seen by its visual shapes: all have come that will, and there is one. */
+    /** Returns whether a body shows its visual shapes: at least one is loaded, and none is
+     * awaited. */
     covers(body) {
       const { all, there, missing } = count[body];
       return there > 0 && there + missing === all;

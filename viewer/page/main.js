@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page of a run: puts its parts together and keeps them up to date.
+// The page of a run: creates its parts and updates them.
 import plotStyle from 'uplot/dist/uPlot.min.css';
 import { Camera, VIEWS } from './camera.js';
 import { Compare } from './compare.js';
@@ -19,7 +19,7 @@ import style from './style.css';
 import { Trace } from './trace.js';
 
 const TABLES_MS = 120;
-const PACE_S = 0.5; // over which the pace is measured
+const PACE_S = 0.5; // period over which the pace is measured
 const KEYS = [['Space', 'pause, go on'], ['.', 'one tick'], [',', 'ten ticks'], ['L', 'live again'],
   ['1 … 6', 'panels'],
   ['J', 'sliders of the task pose'], ['B', 'drag bodies, or turn the camera'], ['Ctrl drag', 'pushes a body']];
@@ -41,9 +41,9 @@ const link = new Link();
 const page = {};
 let newest = null;
 
-// ---- words for people ----
+// ---- messages to the user ----
 
-/** stays: until it is closed. */
+/** Shows a message. good: not an error. stays: shown until the user closes it. */
 function complain(text, good = false, stays = false) {
   const toast = h('div', { class: good ? 'toast good' : 'toast', role: stays ? 'alert' : 'status' }, text,
     stays ? h('button', { class: 'icon', 'aria-label': 'close', onclick: () => toast.remove() }, '×') : null);
@@ -65,7 +65,7 @@ function setTheme(theme) {
   document.documentElement.dataset.theme = theme;
   try {
     localStorage.setItem('theme', theme);
-  } catch { /* a browser that keeps nothing */ }
+  } catch { /* the browser has no storage */ }
   page.scene?.setTheme(theme);
   page.plots?.setTheme();
 }
@@ -74,7 +74,7 @@ function firstTheme() {
   try {
     const kept = localStorage.getItem('theme');
     if (kept) return kept;
-  } catch { /* as above */ }
+  } catch { /* the browser has no storage */ }
   return matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light';
 }
 
@@ -92,7 +92,7 @@ function makeFrame() {
   document.body.replaceChildren(page.root, page.gone, page.toasts);
 }
 
-/** What the bar tells: of a run what it takes, of a recording what it is. */
+/** Creates the figures of the bar: a run's load, or a recording's length. */
 function makeFigures(hello) {
   if (hello.run.replay) {
     const parts = { time: figure('time', 'virtual time'), length: figure('length', 'of what is shown'),
@@ -140,7 +140,7 @@ function makeBar(hello) {
     h('button', { class: 'icon', title: 'keys: ?', 'aria-label': 'keys', onclick: () => page.help.showModal() }, '?'));
 }
 
-/** Views for who has no keys. */
+/** Creates the menu of views, for devices without a keyboard. */
 function makeCameraSelect() {
   const select = h('select', { class: 'toggle', 'aria-label': 'camera', title: 'keys 7, 8, 9, 0', onchange: () => {
     look(select.value);
@@ -150,13 +150,13 @@ function makeCameraSelect() {
   return select;
 }
 
-/** Looks from one of VIEWS. */
+/** Moves the camera to a view of VIEWS. */
 function look(name) {
   page.camera.view(name, page.chosen);
   if (newest) page.scene.update(page.past.shown ?? newest);
 }
 
-/** To drag bodies, and to keep what is seen. */
+/** Creates the buttons to drag bodies, and to save pictures and recordings. */
 function makeButtons(hello) {
   const buttons = [h('button', { class: 'toggle', id: 'shoot', title: 'save the picture: P',
     onclick: () => shoot(page.scene, `${hello.run.rig}-${fixed((page.past.shown ?? newest)?.time ?? 0, 3)}s.png`) }, 'Picture')];
@@ -213,7 +213,7 @@ function makeView(hello) {
     page.past.element);
 }
 
-/** What of the robot cannot be shown as its file means it, by name: nothing while all is there. */
+/** Creates the list of visual shapes that cannot be shown; hidden while none is missing. */
 function makeLacks() {
   const sum = h('summary', {});
   const list = h('ul', {});
@@ -270,7 +270,7 @@ function build(hello) {
   page.events = new Events(link, page.past);
   page.trace = new Trace(link, hello, complain);
   page.joints = new Joints(hello, (name) => {
-    // of a cylinder its pressures too; a plot takes what there is
+    // a cylinder has pressures too; the plot ignores signals that do not exist
     page.plots.add(`q_${name}_rad`, `torque_${name}_nm`,
       `piston_pressure_${name}_pa`, `rod_pressure_${name}_pa`);
     page.bottom.open(0);
@@ -321,7 +321,7 @@ const ACTIONS = {
 for (const [name, { key }] of Object.entries(VIEWS)) ACTIONS[key] = () => look(name);
 for (let i = 1; i <= 5; i++) ACTIONS[i] = () => i <= page.panels.length && page.side.open(i - 1);
 
-/** Of a recording, instead of or beside those. */
+/** Keys of a recording, which add to ACTIONS or replace some of them. */
 const REPLAY_ACTIONS = {
   ',': () => page.past.move(-page.hello.run.replay.period_s),
   ArrowRight: () => page.past.move(1),
@@ -351,7 +351,7 @@ addEventListener('keydown', (event) => {
   }
 });
 
-// ---- what comes ----
+// ---- messages from the server ----
 
 link.addEventListener('hello', ({ detail }) => {
   page.gone.hidden = true;
@@ -359,7 +359,7 @@ link.addEventListener('hello', ({ detail }) => {
     setOver(page.over === 'ended' ? 'ended' : '');
     return;
   }
-  // Another run at this address: everything begins anew
+  // Another run at this address: reload the page
   if (page.hello) {
     location.reload();
     return;
@@ -373,7 +373,7 @@ link.addEventListener('hello', ({ detail }) => {
   }
 });
 
-/** What a run that is over, or out of reach, cannot do any more; '' = it is there. */
+/** Disables the controls. over: 'ended' or 'lost'; '' = the run is connected. */
 function setOver(over) {
   const { replay } = page.hello.run;
   const can = !over && (page.hello.right === 'control' || Boolean(replay));
@@ -404,7 +404,8 @@ link.addEventListener('gone', ({ detail }) => {
 });
 link.addEventListener('complaint', ({ detail }) => complain(detail));
 
-/** Virtual seconds a second of the simulator's clock, which states carry: drawing does not count. */
+/** Pace: virtual seconds per second of the simulator's clock. States carry both times, so that the
+ * time to draw has no effect. */
 const pace = { time: NaN, clock: NaN, factor: NaN };
 
 link.addEventListener('state', ({ detail }) => {
@@ -426,7 +427,7 @@ function updatePace(state) {
   pace.clock = state.elapsed;
 }
 
-/** The signs over the picture: what everybody has to see at once. */
+/** Returns the status badges over the picture: conditions that every user must see. */
 function statusOf(state) {
   if (page.hello.run.replay) return ['', ''];
   if (page.past.shown) return ['looking back', 'back'];
@@ -436,7 +437,7 @@ function statusOf(state) {
   return ['', ''];
 }
 
-/** How well a run keeps up. */
+/** Shows pace, tick duration and overruns of a run. */
 function renderLoad(state) {
   const tick = 1e6 * page.hello.run.tick_s;
   const part = Math.min(1, state.workMean / tick);
@@ -491,5 +492,5 @@ setTheme(firstTheme());
 link.connect();
 requestAnimationFrame(draw);
 
-// For tests, and for who is curious in the console
+// For tests, and for the browser's console
 window.coman = { link, page, get state() { return newest; } };

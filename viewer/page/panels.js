@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tables and tiles beside the picture: joints, boards, buses, faults and pushes, parameters.
+// The tables and tiles beside the picture: joints, boards, buses, faults and pushes, parameters.
 import { count, fixed, h, setClass, setText, short } from './dom.js';
 import { describe } from './words.js';
 
-/** A name that may go on in the next line behind its dots and underscores. */
+/** Returns a name that may wrap after its dots and underscores. */
 const breakable = (name) => name.split(/(?<=[._])/).map((part) => [part, h('wbr')]);
 
 const STATES = ['up', 'warning', 'passive', 'bus off', 'down', 'gone', 'stuck'];
@@ -68,7 +68,7 @@ export class Boards {
           .map((tile) => tile.element))))));
   }
 
-  /** What the axes of a board are in, in words. */
+  /** Returns the text for a board's state: the modes of its axes, or why it has none. */
   #mode(board, state) {
     if (state.external) return state.silent ? 'real board, silent' : 'real board';
     if (state.away) return 'off the bus';
@@ -139,7 +139,7 @@ export class Buses {
       setText(row.load, `${fixed(100 * bus.load, 1)} %`);
       row.bar.style.width = `${fixed(100 * load, 1)}%`;
       row.bar.className = load > 0.9 ? 'hot' : load > 0.7 ? 'warm' : '';
-      if (this.hello.run.replay) { // a log does not say who sent a frame
+      if (this.hello.run.replay) { // a log does not record the sender of a frame
         setText(row.figures, `${count(bus.rx)} frames, ${rate('rx')} a second`);
         return;
       }
@@ -178,7 +178,7 @@ export class Actions {
 
   #buildPush() {
     const bodies = this.hello.scene.bodies.map((body, i) => h('option', { value: String(i) }, body.name));
-    // the heaviest body that can move: not the first one of a robot whose base is fixed
+    // choose the heaviest body that can move; the base of a fixed robot cannot
     const first = this.hello.scene.floating || bodies.length < 2 ? 0 : 1;
     const trunk = this.hello.scene.bodies.reduce((best, body, i, all) =>
       i > first && body.mass_kg > all[best].mass_kg ? i : best, first);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The line of a recording: all of it, with its events, to be dragged to any moment. Takes the place
-// of the last half minute that a run has (events.js).
+// The timeline of a recording, with its events; the user drags it to any time. For a recording, it
+// replaces the timeline of the last half minute (events.js).
 import { fixed, h, setText, sign } from './dom.js';
 
-const STEPS = 10000; // of the line
+const STEPS = 10000; // steps of the timeline
 const MARKS = 400;
 const PLAY = 'M3 1.5v9l7-4.5z';
 const PAUSE = 'M2.5 1.5h2.5v9H2.5zM7 1.5h2.5v9H7z';
@@ -11,7 +11,7 @@ const BEFORE = 'M2 1.5h1.6v9H2zM10.5 1.5v9L4 6z';
 const NEXT = 'M8.4 1.5H10v9H8.4zM1.5 1.5v9L8 6z';
 const WORDS = ['emergency', 'alert', 'critical', 'error', 'warning', 'notice', 'info', 'debug'];
 
-/** A line of events.log. */
+/** Parses a line of events.log. */
 export function readEvent(line) {
   const [, time, word, text] = line.match(/^(-?[\d.]+) (\w+) (.*)$/) ?? [null, NaN, 'info', line];
   return { time: Number(time), priority: Math.max(0, WORDS.indexOf(word)), text };
@@ -23,7 +23,7 @@ export class Playback {
   #events = [];
   #marked = null;
 
-  /** jumped: what was shown before is of another time. */
+  /** jumped() is called when the shown time jumps: earlier frames no longer apply. */
   constructor(link, replay, jumped) {
     this.link = link;
     this.replay = replay;
@@ -49,7 +49,7 @@ export class Playback {
     return STEPS * (time - this.replay.from_s) / Math.max(this.replay.to_s - this.replay.from_s, 1e-9);
   }
 
-  /** A recording shows what it is asked for: never another time than the newest state's. */
+  /** Returns null: a recording always shows the newest state, because the server seeks. */
   get shown() {
     return null;
   }
@@ -64,7 +64,7 @@ export class Playback {
     this.jumped();
   }
 
-  /** Asks for a moment; while one is asked for, only the last of many. */
+  /** Seeks to a time. While a request is outstanding, only the last of several calls is sent. */
   async show(time, move = true) {
     if (time === null || Number.isNaN(time)) return;
     this.time = Math.min(Math.max(time, this.replay.from_s), this.replay.to_s);
@@ -87,7 +87,7 @@ export class Playback {
     this.show(this.time + seconds);
   }
 
-  /** To the event before, or the next one; those of one moment count as one. */
+  /** Seeks to the previous (-1) or next (1) event. Events of the same time count as one. */
   jump(way) {
     const gap = 1.5 * this.replay.period_s;
     const found = way > 0 ? this.#events.find(({ time }) => time > this.time + gap)
@@ -97,7 +97,7 @@ export class Playback {
 
   #mark(events) {
     const place = (time) => Math.round(this.#step(time) / STEPS * MARKS);
-    const best = new Map(); // the gravest of each place
+    const best = new Map(); // most severe event at each position
     for (const event of events) {
       const at = place(event.time);
       if (!(best.get(at)?.priority <= event.priority)) best.set(at, event);

@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// One plot of several that share an axis of time: its signals as chips, an axis a unit, the cursor,
-// and the gestures that zoom and pan.
+// One of several plots that share a time axis. It has a chip for each signal, an axis for each
+// unit, the cursor, and the gestures to zoom and pan.
 import uPlot from 'uplot';
 import { axisWidth, h, setClass, setText, short } from './dom.js';
 
 export const SIGNALS_MOST = 12;
 const COLORS = ['#2f81f7', '#e0552b', '#2f9e6e', '#b05cd6', '#d9a514', '#12a5b5', '#d6336c',
   '#7a8b2b', '#6b6ff2', '#a0622d', '#4aa3ff', '#8a94a3'];
-const CLICK_PX = 4; // a drag is longer
-const BOX_PX = 24; // a box that is lower zooms time alone
-const WHEEL = 1.0015; // zoom a pixel of the wheel
+const CLICK_PX = 4; // longest movement of a click; a drag is longer
+const BOX_PX = 24; // a zoom box below this height zooms only time
+const WHEEL = 1.0015; // zoom factor per pixel of the wheel
 
-/** The color of the signal at a place of a plot. */
+/** Returns the color of the signal at an index of a plot. */
 export const colorOf = (index) => COLORS[index % COLORS.length];
 
-/** The index of the sample nearest to a time; times rise. */
+/** Returns the index of the sample nearest to a time; times must be ascending. */
 export function nearest(times, time) {
   let low = 0;
   let high = times.length - 1;
@@ -26,7 +26,7 @@ export function nearest(times, time) {
   return low > 0 && time - times[low - 1] < times[low] - time ? low - 1 : low;
 }
 
-/** The least and the greatest of columns, with a margin; null when there is no value. */
+/** Returns the minimum and maximum of columns, with a margin; null without values. */
 function rangeOf(columns) {
   let low = Infinity;
   let high = -Infinity;
@@ -44,10 +44,10 @@ function rangeOf(columns) {
 export class Plot {
   #plot = null;
   #layout = '';
-  #zoomed = null; // by unit: the range that a box has chosen
+  #zoomed = null; // range of values by unit, chosen with a zoom box; null = automatic
   #dragged = false;
 
-  /** panel: the Plots that it belongs to. */
+  /** panel: the Plots object that owns this plot. */
   constructor(panel, names = []) {
     this.panel = panel;
     this.names = names;
@@ -68,7 +68,7 @@ export class Plot {
 
   // ---- signals ----
 
-  /** Makes the chips anew, after names has changed. */
+  /** Rebuilds the chips after a change of names. */
   changed() {
     this.#zoomed = null;
     this.chips.replaceChildren(...this.names.map((name, i) => this.#makeChip(name, i)));
@@ -108,7 +108,7 @@ export class Plot {
     this.element.classList.add('target');
   }
 
-  /** Takes the names of signals, a line each; the chip of another plot moves. */
+  /** Adds the dropped signals, one name per line. A chip from another plot is moved. */
   #drop(event) {
     const { dragged } = this.panel;
     event.preventDefault();
@@ -130,7 +130,8 @@ export class Plot {
     return [...new Set(this.names.map((name) => this.panel.unitOf(name)))];
   }
 
-  /** The curves: of each signal, then of each signal of the recording to compare with, dashed. */
+  /** Returns the curves: one per signal, then one dashed curve per signal of the second
+   * recording. */
   #series(compares) {
     const curve = (name, i, other) => ({ label: name, width: 1.6, scale: this.panel.unitOf(name),
       stroke: colorOf(i), spanGaps: true, points: { show: false }, ...other });
@@ -167,7 +168,7 @@ export class Plot {
     this.#plot.root.hidden = this.names.length === 0;
   }
 
-  /** The next drawing makes the plot anew. */
+  /** Makes the next drawing rebuild the plot with the new colors. */
   setTheme() {
     this.#layout = '';
   }
@@ -176,8 +177,8 @@ export class Plot {
     return this.names.length ? this.#plot?.ctx.canvas : null;
   }
 
-  /** data: times and a column for each name, which of other signals are left out; other: the same of the
-   * recording to compare with, or null. */
+  /** Draws the curves. data: {times, columns by signal name}; other signals are ignored. other: the
+   * same for the second recording, or null. range: the shown times, s. */
   draw(data, other, range) {
     const layout = `${this.names.join()} ${Boolean(other)}`;
     if (layout !== this.#layout || !this.#plot) {
@@ -199,7 +200,7 @@ export class Plot {
     });
   }
 
-  /** Shows the values of the signals, and how far those of the other recording are away. */
+  /** Shows the values of the signals, and the differences to the second recording. */
   tell(values, others) {
     this.names.forEach((name, i) => {
       const chip = this.chips.children[i];
@@ -211,13 +212,13 @@ export class Plot {
     });
   }
 
-  /** Puts the cursor at a time, null = nowhere. */
+  /** Moves the cursor to a time; null hides it. */
   showCursor(time) {
     const left = time === null ? -10 : this.#plot?.valToPos(time, 'x');
     this.#plot?.setCursor({ left, top: -10 }, false, false);
   }
 
-  /** The moment that the picture shows, as a line; null = none. */
+  /** Marks the time of the 3D picture with a line; null = no line. */
   showMoment(time) {
     const { min, max } = this.#plot?.scales.x ?? {};
     this.now.hidden = time === null || !(time >= min && time <= max);
@@ -231,7 +232,7 @@ export class Plot {
 
   // ---- gestures ----
 
-  /** A box zooms: time for all plots, values when it is high enough. */
+  /** Zooms to the drawn box: time in all plots, and values if the box is high enough. */
   #select(plot) {
     const { left, top, width, height } = plot.select;
     this.#dragged = width > CLICK_PX || height > CLICK_PX;
@@ -245,7 +246,7 @@ export class Plot {
     else this.panel.redraw();
   }
 
-  /** Values are as high as they are again. */
+  /** Returns to the automatic range of values. */
   unzoom() {
     this.#zoomed = null;
   }
@@ -276,7 +277,7 @@ export class Plot {
     }
   }
 
-  /** One finger, the middle button or Shift pans, two fingers zoom. */
+  /** Binds pointer gestures: one finger, the middle button or Shift pans; two fingers zoom. */
   #bindFingers(plot, over) {
     const fingers = new Map();
     const part = (event) => (event.clientX - over.getBoundingClientRect().left) / over.clientWidth;
@@ -299,7 +300,7 @@ export class Plot {
     }
   }
 
-  /** Keys of the plot that has the focus. */
+  /** Handles the keys of the plot that has the focus. */
   #key(event) {
     if (event.target !== this.element || event.ctrlKey || event.metaKey || event.altKey) return;
     const arrow = { ArrowRight: 1, ArrowLeft: -1 }[event.key];

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plots as files: their samples as CSV, the plots as a picture.
+// Exports plots: the samples as CSV, the plots as a picture.
 import { save } from './dom.js';
 import { colorOf } from './plot.js';
 
 const MARGIN = 8;
-const TITLE = 22; // px, of the names over a plot
+const TITLE = 22; // height of the names above a plot, px
 
-/** The shortest decimal that is this number as a 32-bit float; nothing for one that is unknown. */
+/** Formats a 32-bit float with the fewest digits that restore it; '' for an unknown value. */
 function shortest(value) {
   if (!Number.isFinite(value)) return '';
   for (let digits = 6; digits < 9; digits++) {
@@ -16,7 +16,7 @@ function shortest(value) {
   return String(Number(value.toPrecision(9)));
 }
 
-/** Rows between two times: the time to the nanosecond, then the signals. */
+/** Writes CSV rows between two times: the time with nanoseconds, then the signals. */
 function curvesAsText(names, { times, columns }, from, to) {
   const lines = [`time_s,${names.join()}`];
   for (let i = 0; i < times.length; i++) {
@@ -30,7 +30,7 @@ export function saveCurves(file, names, curves, from, to) {
   save(file, new Blob([curvesAsText(names, curves, from, to)], { type: 'text/csv' }));
 }
 
-/** The names of a plot's signals in their colors, as far as there is room. */
+/** Draws the names of a plot's signals in their colors, until the width is used up. */
 function drawNames(pen, names, x, y, width) {
   let at = x;
   names.forEach((name, i) => {
@@ -42,7 +42,7 @@ function drawNames(pen, names, x, y, width) {
   });
 }
 
-/** The plots as they lie in the grid, with the names of their signals, in the colors of the page. */
+/** Draws the plots as arranged in the grid, with their signals' names and the page's colors. */
 function drawPlots(grid, plots) {
   const canvas = document.createElement('canvas');
   const pen = canvas.getContext('2d');

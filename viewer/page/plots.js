@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plots of signals against virtual time, side by side: one axis of time and one cursor for all of
-// them. Signals are chosen by search or dropped; what is shown can be saved.
+// Shows signals over virtual time in several plots, with one time axis and one cursor. The user
+// finds signals by search, or drops them on a plot. The shown range can be saved.
 import { cutTable } from './compare.js';
 import { count, h, setText, short } from './dom.js';
 import { nearest, Plot, SIGNALS_MOST } from './plot.js';
 import { saveCurves, savePicture } from './plot_export.js';
 import { describe } from './words.js';
 
-const SPAN_S = 10; // that is shown of a run
+const SPAN_S = 10; // span that is shown of a run
 const KEPT_S = 600;
-const POINTS = 4000; // of a signal
-const PIECE = 8000; // rows of a series at most
+const POINTS = 4000; // maximum number of points of a curve
+const PIECE = 8000; // maximum number of rows of a series
 const PLOTS_MOST = 8;
-const WATCHED_MOST = 64; // signals of the server
+const WATCHED_MOST = 64; // maximum number of signals that the server sends
 const LISTED = 12;
-const STEPS = 100; // of the cursor by keys, over the width
+const STEPS = 100; // cursor steps, by keys, over the width of a plot
 
-/** What the plots of a robot show at first: angle and torque of its knees, or else of its two
- * strongest joints, and the first two forces of contact. */
+/** Returns the default plots: angle and torque of the knees (without knees: of the two strongest
+ * joints), and the first two contact forces. */
 function firstPlots(hello) {
   const known = new Set(hello.signals.map(({ name }) => name));
   const weight = ({ name, torque_limit_nm: limit }) => /knee/i.test(name) ? Infinity : limit ?? 0;
@@ -30,20 +30,20 @@ function firstPlots(hello) {
 
 export class Plots {
   #plots = [];
-  #chosen = null; // the plot that takes what is found
-  #order = []; // of the values of a state
-  #span = SPAN_S; // while it follows the run
-  #range = null; // else what is shown
-  #cursor = null; // time
-  #pointed = null; // the plot that the pointer is over
+  #chosen = null; // the plot that receives signals from the search
+  #order = []; // signal names, in the order of a state's values
+  #span = SPAN_S; // span while the plots follow the run, s
+  #range = null; // fixed range, s; null = the plots follow the run
+  #cursor = null; // time of the cursor, s; null = none
+  #pointed = null; // the plot under the pointer
   #data = { times: [], columns: new Map() };
-  #table = null; // of the recording to compare with
-  #other = null; // what is shown of it
-  #values = new Map(); // of the newest state
+  #table = null; // samples of the second recording
+  #other = null; // its samples in the shown range
+  #values = new Map(); // values of the newest state
   #asking = false;
   #stale = true;
 
-  /** store: a SeriesStore that the link fills; null: a recording is shown. */
+  /** store: a SeriesStore that the link fills; null for a recording. */
   constructor(link, hello, complain, store) {
     this.link = link;
     this.hello = hello;
@@ -60,7 +60,7 @@ export class Plots {
     link.addEventListener('watching', (event) => this.#watched(event.detail.signals));
   }
 
-  // ---- what the panel is made of ----
+  // ---- elements of the panel ----
 
   #build() {
     this.found = h('ul', { class: 'found', role: 'listbox', id: 'signals-found' });
@@ -92,12 +92,12 @@ export class Plots {
     return this.#plots.indexOf(plot) + 1;
   }
 
-  /** The plots that this robot had in this browser, else a first set. */
+  /** Restores the plots that this browser stored for this robot, or creates the default plots. */
   #restore() {
     let kept = null;
     try {
       kept = JSON.parse(localStorage.getItem(this.#key));
-    } catch { /* a browser that keeps nothing */ }
+    } catch { /* the browser has no storage */ }
     const lists = Array.isArray(kept) && kept.every(Array.isArray) ? kept.slice(0, PLOTS_MOST)
       .map((names) => names.filter((name) => this.units.has(name)).slice(0, SIGNALS_MOST)) : firstPlots(this.hello);
     for (const names of lists.length ? lists : [[]]) this.#insert(names);
@@ -112,7 +112,7 @@ export class Plots {
   #keep() {
     try {
       localStorage.setItem(this.#key, JSON.stringify(this.#plots.map(({ names }) => names)));
-    } catch { /* as above */ }
+    } catch { /* the browser has no storage */ }
   }
 
   #insert(names = []) {
@@ -148,7 +148,7 @@ export class Plots {
     this.#changed();
   }
 
-  /** Makes a plot the one that takes what is found. */
+  /** Selects the plot that receives signals from the search. */
   choose(plot) {
     if (this.#chosen === plot) return;
     this.#chosen = plot;
@@ -161,7 +161,7 @@ export class Plots {
     return this.units.get(name) || '–';
   }
 
-  /** Signals whose names or descriptions have all the words, the first ones; else says that there are none. */
+  /** Lists the first signals whose names or descriptions have all words of the search. */
   #list() {
     const words = this.search.value.toLowerCase().split(/[\s_]+/).filter(Boolean);
     const names = this.hello.signals.map(({ name }) => name).filter((name) =>
@@ -216,7 +216,7 @@ export class Plots {
     this.addTo(this.#chosen, names);
   }
 
-  /** Adds signals to a plot; false when it takes none of them. */
+  /** Adds signals to a plot; returns false if none was added. */
   addTo(plot, names) {
     const fresh = [...new Set(names)].filter((name) => this.units.has(name) && !plot.names.includes(name));
     const watched = new Set(this.#plots.flatMap((other) => other.names));
@@ -237,14 +237,14 @@ export class Plots {
     return true;
   }
 
-  /** Takes a signal out of a plot. */
+  /** Removes a signal from a plot. */
   drop(plot, name) {
     plot.names = plot.names.filter((other) => other !== name);
     plot.changed();
     this.#changed();
   }
 
-  /** Moves a signal to the next plot (1) or the one before (-1). */
+  /** Moves a signal to the next (1) or previous (-1) plot. */
   move(plot, name, way) {
     const to = this.#plots[this.#plots.indexOf(plot) + way];
     if (!to || (!to.names.includes(name) && !this.addTo(to, [name]))) return;
@@ -269,7 +269,7 @@ export class Plots {
 
   // ---- time ----
 
-  /** The two ends of what is shown. */
+  /** Returns the shown range: [from, to], s. */
   get range() {
     if (this.#range) return this.#range;
     const now = this.#now;
@@ -277,23 +277,23 @@ export class Plots {
     return [from, Math.max(now, from + Math.min(this.#span, 1))];
   }
 
-  /** The time of the newest sample of a run. */
+  /** Returns the time of a run's newest sample, s. */
   get #now() {
     return this.store?.to_s || this.newest || 0;
   }
 
-  /** The two ends of what there is. */
+  /** Returns the range of available samples: [from, to], s. */
   get #limits() {
     const now = this.#now;
     return this.replay ? [this.replay.from_s, this.replay.to_s] : [Math.max(0, now - KEPT_S), now];
   }
 
-  /** The shortest range: some rows. */
+  /** Returns the shortest range that can be shown, s: a few rows. */
   get #least() {
     return 5 * (this.replay?.period_s ?? this.hello.run.tick_s);
   }
 
-  /** Shows a range, moved and cut to what there is. */
+  /** Shows a range. A range beyond the samples is moved and shortened. */
   show(from, to) {
     const [first, last] = this.#limits;
     const width = Math.max(Math.min(to - from, last - first), this.#least);
@@ -302,7 +302,7 @@ export class Plots {
     this.redraw();
   }
 
-  /** Follows the run again, or shows all of the recording. */
+  /** Follows the run again, or shows the whole recording. */
   showAll() {
     for (const plot of this.#plots) plot.unzoom();
     this.#span = SPAN_S;
@@ -310,10 +310,10 @@ export class Plots {
     this.redraw();
   }
 
-  /** factor: of the time that is shown; at: the part of the width that stays. */
+  /** Multiplies the shown span by factor. at: the fixed point, as a share of the width. */
   zoom(factor, at = 0.5) {
     const [from, to] = this.range;
-    if (!this.#range) { // now stays
+    if (!this.#range) { // the newest sample stays at the edge
       this.#span = Math.min(Math.max(this.#span * factor, this.#least), KEPT_S);
       this.redraw();
       return;
@@ -321,14 +321,14 @@ export class Plots {
     this.show(from + at * (to - from) * (1 - factor), to - (1 - at) * (to - from) * (1 - factor));
   }
 
-  /** By a part of the width. */
+  /** Moves the shown range by a share of its width. */
   pan(part) {
     const [from, to] = this.range;
     const by = part * (to - from);
     this.show(from + by, to + by);
   }
 
-  /** Two places of the width that were at before are at after. */
+  /** Zooms with two fingers that move from `before` to `after`, as shares of the width. */
   stretch(before, after) {
     const [from, to] = this.range;
     const factor = (before[0] - before[1]) / (after[0] - after[1]);
@@ -346,7 +346,7 @@ export class Plots {
 
   // ---- the cursor ----
 
-  /** Where the pointer is in a plot; null = it has left it. */
+  /** Moves the cursor to the pointer's time in a plot; null = the pointer has left the plot. */
   pointAt(plot, time) {
     if (time === null && this.#pointed !== plot) return;
     this.#pointed = time === null ? null : plot;
@@ -357,7 +357,7 @@ export class Plots {
     this.#tell();
   }
 
-  /** By keys: to the next step of a hundred. */
+  /** Moves the cursor by one of STEPS: 1 = right, -1 = left. */
   moveCursor(way) {
     const [from, to] = this.range;
     const step = (to - from) / STEPS;
@@ -367,7 +367,7 @@ export class Plots {
     this.#tell();
   }
 
-  /** The values at the cursor, else those of now. */
+  /** Shows the values at the cursor; without a cursor, the newest values. */
   #tell() {
     const at = ({ times, columns }, time) => {
       const row = nearest(times, time);
@@ -390,7 +390,8 @@ export class Plots {
     return { times, columns: new Map(names.map((name, k) => [name, columns[k]])) };
   }
 
-  /** Of a recording: asks for the range that is shown; while one is asked for, only the last of many. */
+  /** Requests the shown range of a recording. During a request, only the last of later ranges
+   * counts. */
   async #fetch() {
     if (this.#asking || !this.#order.length) return;
     this.#asking = true;
@@ -411,7 +412,7 @@ export class Plots {
     this.render();
   }
 
-  /** The table of a recording to compare with; null = none. */
+  /** Sets the table of the second recording; null = none. */
   compareWith(table) {
     this.#table = table;
     this.#stale = true;
@@ -445,9 +446,10 @@ export class Plots {
     this.#tell();
   }
 
-  // ---- to keep ----
+  // ---- saving ----
 
-  /** Every row of the signals between two times: of a recording in pieces as they fit in a message. */
+  /** Returns every row of the signals between two times. A recording is read in pieces that fit
+   * into a message. */
   async #read(names, from, to) {
     if (!this.replay) return this.store.range(names, from, to);
     const series = await this.link.ask('series', { signals: names, from_s: from, to_s: to, points: PIECE });
@@ -461,7 +463,7 @@ export class Plots {
       columns: names.map((_, k) => [...a.columns[k], ...b.columns[k].slice(rest)]) };
   }
 
-  /** What came of the plotted signals between two times of a run. */
+  /** Returns the stored samples of the plotted signals between two times of a run. */
   samples(from, to) {
     return { names: this.#order, curves: this.store.range(this.#order, from, to) };
   }

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sliders for the joints, while the task pose runs: each sets the angle that the task moves its joint
-// to, through frames, as any controller does. A mark shows where the joint is.
+// Sliders for the joints while the task `pose` runs. A slider sets the joint's target angle. The
+// task sends frames to reach it, as any controller does. A mark shows the joint's present angle.
 import { fixed, h, setText } from './dom.js';
 
-const STEPS = 1000; // of a slider
+const STEPS = 1000; // steps of a slider
 const DEGREES = 180 / Math.PI;
 
 export class Pose {
-  #waiting = new Map(); // values to set, by the setting's name
+  #waiting = new Map(); // values that are not sent yet, by name of the setting
   #asking = false;
   #rows = [];
 
@@ -25,7 +25,7 @@ export class Pose {
       this.list);
   }
 
-  /** Reads what the task has when the panel opens. */
+  /** Reads the task's settings when the panel opens. */
   async shown(visible) {
     if (!visible) return;
     try {
@@ -77,7 +77,8 @@ export class Pose {
     }
   }
 
-  /** Sets values one after the other; of one that changes meanwhile only the last. */
+  /** Sends the values of a setting, one request at a time; skips all but the newest waiting
+   * value. */
   async #set(name, value) {
     this.#waiting.set(name, value);
     if (this.#asking) return;
@@ -96,7 +97,7 @@ export class Pose {
     this.#asking = false;
   }
 
-  /** Where the joints are. */
+  /** Marks the present angles of the joints. */
   render(state) {
     for (const { tunable, j, mark } of this.#rows) {
       const part = (state.joints[2 * j] - tunable.min) / (tunable.max - tunable.min);

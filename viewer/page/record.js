@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the page itself keeps: pictures of the robot, and a recording of what it has seen. The
-// simulator's own recording begins with its run (run --record); this one begins at a click, and has
-// the signals that are plotted and the frames of the buses, as far as they reached the page.
+// Saves pictures of the robot, and a recording made by the page. The simulator's recording begins
+// with the run (run --record). The page's recording begins with a click. It has the plotted signals
+// and the frames that reached the page.
 import { hex } from './decode.js';
 import { fixed, h, save, setClass, setText } from './dom.js';
 import { saveCurves } from './plot_export.js';
 import { readFrame, visitTrace } from './wire.js';
 
-const BYTES_MOST = 64 << 20; // of frames
+const BYTES_MOST = 64 << 20; // maximum size of the frames
 
-/** A frame as candump -L writes it. */
+/** Formats a frame like candump -L. */
 export function candumpLine(frame, bus) {
   const id = (frame.error ? frame.id | 0x20000000 : frame.id).toString(16).toUpperCase()
     .padStart(frame.extended || frame.error ? 8 : 3, '0');
@@ -19,7 +19,7 @@ export function candumpLine(frame, bus) {
 }
 
 export class Recorder {
-  #from = null; // time of its begin; null = none runs
+  #from = null; // start time of the recording, s; null = not recording
   #lines = [];
   #bytes = 0;
   #lost = 0;
@@ -86,6 +86,6 @@ export class Recorder {
 
 /** Saves the picture of the robot. */
 export function shoot(scene, file) {
-  scene.renderer.render(scene.scene, scene.camera); // a canvas is empty once it has been shown
+  scene.renderer.render(scene.scene, scene.camera); // the browser has cleared the canvas
   scene.canvas.toBlob((blob) => save(file, blob), 'image/png');
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The three-dimensional view: the robot and what surrounds it, forces, centers.
+// The three-dimensional view: robot, surroundings, forces, centers of mass and pressure.
 import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { makeBodies, makeSkin } from './bodies.js';
@@ -17,7 +17,7 @@ const UP = new THREE.Vector3(0, 0, 1);
 const GROUND_M = 12;
 const CELL_M = 0.5;
 
-/** Squares of half a meter, quartered: part of the ground, so that shadows fall on them. */
+/** Returns the ground's texture: squares of 0.5 m, each divided into four. Shadows fall on it. */
 function makeSquares(colors, anisotropy) {
   const canvas = document.createElement('canvas');
   const size = 512;
@@ -44,7 +44,7 @@ function makeSquares(colors, anisotropy) {
   return texture;
 }
 
-/** An arrow along +z of unit length, to be scaled. */
+/** Returns an arrow of unit length along +z. */
 function makeArrow(color) {
   const material = new THREE.MeshBasicMaterial({ color, depthTest: false, transparent: true,
     opacity: 0.9 });
@@ -69,7 +69,7 @@ function pointArrow(arrow, from, vector, length) {
   arrow.userData.head.position.set(0, 0, length);
 }
 
-/** Whether this browser has no graphics card to draw with. */
+/** Returns whether this browser draws without a graphics card. */
 function drawsBySoftware() {
   const gl = document.createElement('canvas').getContext('webgl2');
   const names = gl?.getExtension('WEBGL_debug_renderer_info');
@@ -81,8 +81,7 @@ function drawsBySoftware() {
 export class Scene {
   show = { forces: true, centers: true, torques: true, skeleton: false, follow: true, visuals: true };
 
-  /** quality high: as beautiful as can be, however long it takes; low: for the slowest; else by
-   * itself. */
+  /** quality: 'high' = best picture at any cost; 'low' = for slow machines; else automatic. */
   constructor(canvas, hello, loadMesh, quality) {
     this.canvas = canvas;
     this.hello = hello;
@@ -110,7 +109,7 @@ export class Scene {
     this.#resize();
   }
 
-  /** Smooth edges cost a processor that draws most of its time. */
+  /** Creates the renderer. Without a graphics card, antialiasing is off, because it is too slow. */
   #makeContext() {
     this.software = drawsBySoftware();
     return this.canvas.getContext('webgl2', { alpha: true, stencil: false,
@@ -118,7 +117,7 @@ export class Scene {
   }
 
   #makeLights() {
-    this.sun = new THREE.DirectionalLight(0xffffff, 2.2); // its shadows come after the first picture
+    this.sun = new THREE.DirectionalLight(0xffffff, 2.2); // shadows: after first picture
     this.sun.shadow.mapSize.set(1024, 1024);
     this.sun.shadow.bias = -0.0006;
     this.sun.shadow.normalBias = 0.01;
@@ -127,7 +126,8 @@ export class Scene {
     this.scene.add(this.sun, this.sun.target, new THREE.HemisphereLight(0xffffff, 0x8a93a0, 1.5));
   }
 
-  /** More is there to be seen; with whole, all of it: a picture that nobody has turned fits it. */
+  /** Handles newly loaded shapes. whole: all are loaded; fits the view, unless the user has moved
+   * it. */
   #take(whole) {
     this.dirty = true;
     if (whole && !this.touched) this.framed = false;
@@ -135,7 +135,7 @@ export class Scene {
     if (whole) this.loaded?.();
   }
 
-  /** That of the scene; where there is none and the robot does not float, one to stand below it. */
+  /** Creates the scene's ground, or a floor below a robot with a fixed base. */
   #makeGround() {
     const plane = this.hello.scene.shapes.find((s) => s.shape === 'half_space' && s.body < 0);
     this.ground = new THREE.Group();
@@ -196,7 +196,7 @@ export class Scene {
     this.dirty = true;
   }
 
-  /** Where the robot stands in the picture at first: all of it, from the front left. */
+  /** Sets the first view: the whole robot, from the front left. */
   #frame() {
     const box = this.robot.bounds().expandByScalar(0.02);
     const direction = new THREE.Vector3(0.82, -0.62, 0.28).normalize();
@@ -205,11 +205,12 @@ export class Scene {
     this.controls.target.copy(this.target);
     this.camera.position.copy(this.target).addScaledVector(direction, far);
     this.#suitSize(far, box);
-    this.controls.update(); // turns the camera, so that this picture shows the robot already
+    this.controls.update(); // turns the camera before the first picture
     this.base = this.#basePosition();
   }
 
-  /** What depends on how large the robot is: depths, fog, the reach of shadows and of the ground. */
+  /** Scales the view to the robot's size: clipping depths, fog, range of shadows, size of the
+   * ground. */
   #suitSize(far, box) {
     const reach = Math.max(1.6, 0.6 * box.getSize(new THREE.Vector3()).length());
     this.camera.near = Math.min(0.05, 0.02 * far);
@@ -220,7 +221,7 @@ export class Scene {
     Object.assign(this.sun.shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach,
       near: 0.3 * reach, far: 6 * reach });
     this.sun.shadow.camera.updateProjectionMatrix();
-    this.height = 2.1 * reach; // of the sun
+    this.height = 2.1 * reach; // height of the sun
     this.floor.scale.setScalar(Math.max(1, Math.ceil(far / 3)));
     if (!this.firm) this.ground.position.z = Math.min(0, box.min.z) - 0.001;
   }
@@ -230,7 +231,7 @@ export class Scene {
     this.scene.fog = new THREE.Fog(this.scene.background, Math.max(3.5, 1.6 * far), Math.max(9, 4 * far));
   }
 
-  /** The floor goes with the view, by whole squares of its pattern; fog hides its end. */
+  /** Moves the floor with the view, by whole squares of its pattern; fog hides its edge. */
   #placeFloor() {
     const at = this.ground.worldToLocal(this.controls.target.clone());
     const cell = CELL_M * this.floor.scale.x;
@@ -255,8 +256,9 @@ export class Scene {
     this.sun.target.position.copy(this.controls.target);
   }
 
-  /** The point of the ground about which a wrench has no moment along it, for a body near it; else
-   * the point of its axis that is nearest to the body. */
+  /** Returns the center of pressure of a contact wrench: near the ground, the ground's point
+   * without tangential moment. Otherwise returns the point of the wrench's axis nearest to the
+   * body. */
   #pressureCenter(body, force, moment) {
     const square = force.lengthSq();
     const at = force.clone().cross(moment).divideScalar(square).add(body.position);
@@ -304,13 +306,13 @@ export class Scene {
     this.plumb.computeLineDistances();
   }
 
-  /** A force at a point of the world, as an arrow so long (m); 0 = none. */
+  /** Draws a force at a point of the world as an arrow of this length (m); 0 = none. */
   showForce(point, force, length) {
     pointArrow(this.push, point, force, length);
     this.dirty = true;
   }
 
-  /** What a push would do: an arrow at the body, or none. */
+  /** Draws the preview of a push: an arrow at the body. body: null = none. */
   showPush(body, force) {
     const vector = new THREE.Vector3(...(force ?? [0, 0, 0]));
     if (body === null) this.push.visible = false;
@@ -336,7 +338,7 @@ export class Scene {
     this.dirty = true;
   }
 
-  /** No shadows, plain edges, and five pictures a second, so that the rest of the page stays quick. */
+  /** Reduces the quality: no shadows, low resolution, 5 pictures per second. */
   #hurry() {
     this.plain = true;
     this.sun.castShadow = false;
@@ -345,9 +347,9 @@ export class Scene {
     this.hurried?.();
   }
 
-  /** The first picture is there: now what makes it beautiful, whose programs are made meanwhile. */
+  /** Adds shadows after the first picture; their shaders are compiled in the background. */
   async #finishFirst() {
-    this.firstDrawn = performance.now(); // ms after the page was asked for
+    this.firstDrawn = performance.now(); // ms since the page was requested
     if (this.slowest) this.#hurry();
     if (this.plain) return;
     this.preparing = true;
@@ -357,7 +359,7 @@ export class Scene {
     this.dirty = true;
   }
 
-  /** Whether the first picture is still being drawn: until then a second one would only delay it. */
+  /** Returns whether the first picture is not finished. A second one would delay it. */
   #waitsForFirst() {
     if (!this.drawn || this.firstDrawn) return false;
     const gl = this.renderer.getContext();
@@ -369,7 +371,7 @@ export class Scene {
     return false;
   }
 
-  /** Where pictures take long, as without a graphics card, less is drawn. */
+  /** Measures the time per picture, and reduces the quality if drawing is slow. */
   #judgeSpeed(now) {
     const took = now - (this.drawnAt ?? now);
     this.drawnAt = now;
@@ -377,7 +379,7 @@ export class Scene {
     if (this.slow > 6 && !this.patient && !this.period) this.#hurry();
   }
 
-  /** Draws a state, when it or the way to look at it has changed. */
+  /** Draws a state if the state or the view has changed. */
   draw(now, state) {
     this.controls.update();
     if (this.#waitsForFirst() || this.preparing) return;
@@ -391,7 +393,7 @@ export class Scene {
     }
   }
 
-  /** What of the robot is at a place of the canvas: its body and the point; null = nothing. */
+  /** Returns the robot's body and point at a position of the canvas; null = nothing. */
   hit(x, y) {
     const box = this.canvas.getBoundingClientRect();
     const ray = new THREE.Raycaster();
@@ -404,7 +406,7 @@ export class Scene {
     return null;
   }
 
-  /** The index of the body at a place of the canvas, null where there is none. */
+  /** Returns the index of the body at a position of the canvas; null = none. */
   pick(x, y) {
     return this.hit(x, y)?.body ?? null;
   }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The store of samples of a run, which a connection fills: every row of it, and by request what was before.
+// Creates the sample store of a run. The connection delivers live rows, and on request older rows.
 import { SeriesStore } from './series_store.js';
 
-const POINTS = 8000; // of a series: more than a piece of the store has rows
+const POINTS = 8000; // maximum number of points of a series; must exceed PIECE of series_store.js
 
 export function feedStore(link, hello) {
   const store = new SeriesStore({ signals: hello.signals, period_s: hello.run.tick_s,
@@ -11,7 +11,7 @@ export function feedStore(link, hello) {
   link.addEventListener('rows', ({ detail: { times, columns } }) => {
     if (columns.length === store.chosen.length) store.append(times, columns);
   });
-  link.addEventListener('hello', () => store.clear()); // a new connection: what came meanwhile is fetched
+  link.addEventListener('hello', () => store.clear()); // new connection: missed rows are fetched
   link.watch({ rows: true });
   return store;
 }

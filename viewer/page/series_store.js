@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// The samples of signals by name, apart from any drawing: live rows are appended, what was before a
-// signal was chosen is fetched from the server when somebody asks for it, memory is bounded.
+// Stores the samples of signals by name, independent of any drawing. Live rows are appended. Rows
+// from before a signal was chosen are fetched from the server when a range needs them. Memory is
+// bounded.
 //
-// All signals share the times of their rows, so that columns of a range always fit each other; a
-// value that is not known is NaN. Rows of one time come once: time that goes back, as after a reset,
-// removes what it undoes.
+// All signals share the times of their rows, so that all columns of a range have equal length.
+// Unknown values are NaN. Each time has one row. If time goes back, for example after a reset, the
+// rows from that time on are removed.
 
-const CHUNK = 4096; // rows
-const PIECE = 4000; // rows of a fetch
-const PIECE_BYTES = 240 << 10; // of a fetch; the server has room for some more
-const MEMORY = 64 << 20; // bytes
-const AGAIN_MS = 500; // after a fetch that has failed
+const CHUNK = 4096; // rows of a chunk of memory
+const PIECE = 4000; // maximum number of rows of a fetch
+const PIECE_BYTES = 240 << 10; // maximum size of a fetch, a little below the server's limit
+const MEMORY = 64 << 20; // default memory limit, bytes
+const AGAIN_MS = 500; // delay after a failed fetch
 
-/** Index of the first of sorted times that is at least time. */
+/** Returns the index of the first of sorted times that is at least `time`. */
 function lowerBound(times, count, time) {
   let low = 0;
   let high = count;
@@ -42,8 +43,8 @@ class Chunk {
   }
 }
 
-/** Two points for each span of time: the least and the greatest value in it, the earlier one first.
- * Spans lie at multiples of their width, so that a curve that moves on keeps its shape. */
+/** Reduces samples to two points per time span: the minimum and the maximum, in time order. Spans
+ * begin at multiples of their width, so that a scrolling curve keeps its shape. */
 function reduce({ times, columns }, points) {
   const count = times.length;
   const least = 2 * (times[count - 1] - times[0]) / points;
@@ -76,15 +77,15 @@ function reduce({ times, columns }, points) {
 
 export class SeriesStore {
   #chunks = [];
-  #chosen = []; // names of the columns of live rows
-  #known = new Map(); // by name: from when on its values are here
+  #chosen = []; // names of the live rows' columns
+  #known = new Map(); // time of the first stored value, by signal name
   #listeners = new Set();
   #fetching = false;
-  #age = 0; // counts what makes answers that are under way stale
+  #age = 0; // incremented when outstanding answers become stale
 
-  /** signals: of the description, with name and unit. fetch(names, from_s, to_s): a promise of
-   * {times, columns} with every row between those times, of at most PIECE rows; without it nothing
-   * is known from before a signal is chosen. period_s: between rows. */
+  /** signals: name and unit of each signal. fetch(names, from_s, to_s): returns a promise of
+   * {times, columns} with every row between the times, at most PIECE rows; null: no earlier rows.
+   * period_s: time between rows. bytes: memory limit. */
   constructor({ signals = [], fetch = null, period_s = 1e-3, bytes = MEMORY } = {}) {
     this.units = new Map(signals.map(({ name, unit }) => [name, unit]));
     this.fetch = fetch;
@@ -92,13 +93,13 @@ export class SeriesStore {
     this.limit = bytes;
   }
 
-  // ---- what there is ----
+  // ---- reading ----
 
   get chosen() {
     return this.#chosen;
   }
 
-  /** Time of the oldest and of the newest row; NaN without any. */
+  /** Time of the oldest row (from_s) and of the newest row (to_s), s; NaN without rows. */
   get from_s() {
     return this.#chunks[0]?.times[0] ?? NaN;
   }
@@ -112,17 +113,17 @@ export class SeriesStore {
     return this.#chunks.reduce((sum, chunk) => sum + chunk.bytes, 0);
   }
 
-  /** The newest value of a signal; NaN when there is none. */
+  /** Returns the newest value of a signal; NaN if there is none. */
   last(name) {
     const chunk = this.#chunks.at(-1);
     return chunk?.columns.get(name)?.[chunk.count - 1] ?? NaN;
   }
 
-  /** Columns of signals between two times, one more row on either side so that a curve does not end
-   * within a picture: {times: Float64Array, columns: [Float32Array], lost}, in the order of names;
-   * lost: how many rows are missing among them, for which the server had no room. With
-   * points, where there are more rows, the least and the greatest of some. What is not here yet is
-   * fetched; listeners are told when it has come. */
+  /** Returns the rows between two times, plus one row on each side so that curves reach the edges:
+   * {times: Float64Array, columns: [Float32Array], lost}, columns in the order of names. lost:
+   * number of rows that the server dropped. If there are more rows than `points`, returns the
+   * minimum and maximum of time spans. Missing values are fetched; listeners are called when they
+   * arrive. */
   range(names, from_s, to_s, points = Infinity) {
     const parts = [];
     let count = 0;
@@ -154,7 +155,7 @@ export class SeriesStore {
     return { ...count > points ? reduce(found, points) : found, lost };
   }
 
-  /** Calls changed() whenever rows have come or gone; returns a function that ends it. */
+  /** Calls changed() after each change of the rows. Returns a function that stops the calls. */
   listen(changed) {
     this.#listeners.add(changed);
     return () => this.#listeners.delete(changed);
@@ -166,9 +167,10 @@ export class SeriesStore {
 
   // ---- live rows ----
 
-  /** The signals that live rows have from now on, in their order. One that was left out before
-   * begins anew; without any all is forgotten. after_s: the time of the last row before those rows,
-   * null when there is none: what is up to there of signals that are new can be fetched. */
+  /** Sets the signals of the live rows from now on, in the order of their columns. Forgets the
+   * samples of other signals; without names, clears the store. after_s: time of the last row
+   * before the new live rows, null = none. Earlier values of new signals can be fetched up to
+   * after_s. */
   choose(names, after_s = null) {
     for (const name of this.#known.keys()) {
       if (!names.includes(name)) this.#forget(name);
@@ -186,7 +188,7 @@ export class SeriesStore {
     for (const chunk of this.#chunks) chunk.columns.delete(name);
   }
 
-  /** Forgets all rows, as for another run. */
+  /** Removes all rows, for example before another run. */
   clear() {
     this.#chunks = [];
     this.#known.clear();
@@ -194,7 +196,7 @@ export class SeriesStore {
     this.#tell();
   }
 
-  /** Rows that follow those that there are, with the columns of choose(). */
+  /** Appends rows with the columns of choose(). */
   append(times, columns) {
     if (!times.length) return;
     if (times[0] <= this.to_s) this.#cut(times[0]);
@@ -213,7 +215,7 @@ export class SeriesStore {
     this.#tell();
   }
 
-  /** Removes rows of that time and later ones. */
+  /** Removes the rows at and after a time. */
   #cut(time) {
     this.#age++;
     while (this.#chunks.length && this.#chunks.at(-1).times[0] >= time) this.#chunks.pop();
@@ -225,7 +227,7 @@ export class SeriesStore {
     for (const [name, from] of this.#known) this.#known.set(name, Math.min(from, time));
   }
 
-  /** Drops the oldest rows beyond the memory. */
+  /** Removes the oldest rows that exceed the memory limit. */
   #bound() {
     while (this.#chunks.length > 1 && this.bytes > this.limit) {
       this.#chunks.shift();
@@ -233,9 +235,9 @@ export class SeriesStore {
     }
   }
 
-  // ---- rows from before ----
+  // ---- earlier rows ----
 
-  /** Rows that are older than what is known of signals, all of them up to there. */
+  /** Stores fetched rows of signals, up to to_s, the first known value of these signals. */
   #fill(names, { times, columns }, to_s) {
     const kept = [...names.keys()].filter((k) => this.#known.has(names[k]));
     const fresh = lowerBound(times, times.length, this.#chunks.length ? this.from_s : to_s);
@@ -260,7 +262,7 @@ export class SeriesStore {
     }
   }
 
-  /** Fetches what those signals were before, piece by piece, the newest first. */
+  /** Fetches earlier values of signals in pieces, the newest piece first. */
   async #fetchBefore(names, from_s) {
     const late = names.filter((name) => this.#known.get(name) > from_s);
     if (!this.fetch || this.#fetching || !late.length) return;
@@ -274,13 +276,13 @@ export class SeriesStore {
     try {
       const piece = await this.fetch(batch, begin, newest);
       if (age === this.#age) this.#fill(batch, piece, newest);
-      // Before the first row that the server has there is nothing to ask for
+      // The server has no earlier rows: mark the signals as complete
       const end = !(piece.times[0] < newest) || piece.times[0] > begin + 1.5 * this.period;
       for (const name of age === this.#age ? batch : []) {
         if (this.#known.has(name)) this.#known.set(name, end ? -Infinity : Math.min(newest, begin));
       }
     } catch {
-      await new Promise((again) => { setTimeout(again, AGAIN_MS); }); // no connection, or no room in it
+      await new Promise((again) => { setTimeout(again, AGAIN_MS); }); // no connection or busy
     } finally {
       this.#fetching = false;
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shapes of a description as geometries, and where they are in their body.
+// Creates the geometries of shapes, and places shapes in their bodies.
 import * as THREE from 'three';
 
 export function place(object, position, quaternion) {
@@ -15,7 +15,8 @@ export function setShadow(object) {
   });
 }
 
-/** The geometry of a shape that is no mesh, null of others; axes of round ones are z. */
+/** Returns the geometry of a primitive shape, null for a mesh. Cylinders and capsules lie along
+ * z. */
 export function primitiveGeometry(shape) {
   switch (shape.shape) {
     case 'sphere': return new THREE.SphereGeometry(shape.radius_m, 32, 20);

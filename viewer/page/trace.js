@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The frames on the buses, decoded; and a box to send one.
+// Shows the decoded frames on the buses, and a form to send a frame.
 import { Database, decode, encode, hex } from './decode.js';
 import { count, fixed, h, plain, setText } from './dom.js';
 import { frameTime, readFrame, visitTrace } from './wire.js';
@@ -7,7 +7,7 @@ import { frameTime, readFrame, visitTrace } from './wire.js';
 const ROWS = 150;
 const RENDER_MS = 300;
 const SHOWN_SIGNALS = 8;
-const LOGGED = 60; // messages of the server
+const LOGGED = 60; // number of trace messages that are kept
 const NONE_YET = 'no frames yet: they come while this panel is open';
 
 function describe(message, data) {
@@ -26,7 +26,7 @@ export class Trace {
   #seen = 0;
   #lost = 0;
   #held = false;
-  #opened = new Set(); // messages whose rows are shown in full
+  #opened = new Set(); // keys of the messages that are shown in full
 
   constructor(link, hello, complain) {
     this.link = link;
@@ -59,7 +59,7 @@ export class Trace {
       this.hello.run.replay ? null : this.#buildSender());
   }
 
-  // ---- to send ----
+  // ---- sending ----
 
   #buildSender() {
     const can = this.hello.right === 'control' && this.hello.run.frames;
@@ -100,7 +100,8 @@ export class Trace {
       : this.#database.buses[Number(this.sendBus.value)].find((message) => message.id === id);
   }
 
-  /** Inputs for the signals of the chosen message; a command selects those that it has. */
+  /** Creates inputs for the signals of the chosen message. A multiplexed message shows only the
+   * signals of the chosen command. */
   #fillFields() {
     const message = this.#message();
     this.fields.replaceChildren();
@@ -150,7 +151,7 @@ export class Trace {
     }
   }
 
-  // ---- to hear ----
+  // ---- receiving ----
 
   async shown(visible) {
     this.visible = visible;
@@ -166,7 +167,7 @@ export class Trace {
     }
   }
 
-  /** Another time is shown: frames begin anew. */
+  /** Clears the frames, because another time is shown. */
   reset() {
     this.#groups.clear();
     this.#log = [];
@@ -194,7 +195,7 @@ export class Trace {
     this.stale = true;
   }
 
-  /** What is to be shown, the first first. */
+  /** Iterates over the rows to show, from top to bottom. */
   *#entries() {
     if (this.order.value === 'groups') {
       for (const [, group] of [...this.#groups].sort(([a], [b]) => a - b)) {
@@ -209,7 +210,8 @@ export class Trace {
     }
   }
 
-  /** Rows have one height, so that they do not jump; a click shows all of a message, or less again. */
+  /** Shows a message in full, or in one line again. Lines have equal height, so that rows do not
+   * jump. */
   #toggle(key) {
     if (!key || getSelection().type === 'Range') return;
     if (!this.#opened.delete(key)) this.#opened.add(key);

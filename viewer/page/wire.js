@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The binary messages of the server, docs/page.md.
+// Reads the server's binary messages, which docs/page.md describes.
 
 const HEADER = 80;
 
-/** A state, version 1: views into the message's memory where its alignment allows. */
+/** Reads a state message, version 1. Arrays are views into the message if its alignment allows. */
 export function readState(buffer) {
   const view = new DataView(buffer);
   const u16 = (at) => view.getUint16(at, true);
@@ -53,7 +53,7 @@ export function readState(buffer) {
   return state;
 }
 
-/** A series: the times of its points, and the values of each signal at them. */
+/** Reads a series message: the times of the points, and the values of each signal. */
 export function readSeries(buffer) {
   const view = new DataView(buffer);
   const [nsignal, id, count, rows] = [view.getUint16(2, true), view.getUint32(4, true),
@@ -63,13 +63,13 @@ export function readSeries(buffer) {
     columns: Array.from({ length: nsignal }, (_, k) => new Float32Array(buffer, values + 4 * k * count, count)) };
 }
 
-/** A trace message: its records are read when somebody looks at them, for there are thousands. */
+/** Reads a trace message. Its records, often thousands, are parsed only when they are shown. */
 export function readTrace(buffer) {
   const view = new DataView(buffer);
   return { view, count: view.getUint32(4, true), lost: view.getUint32(8, true) };
 }
 
-/** Calls visit with the key of each frame, which tells its bus and identifier, and its place. */
+/** Calls visit(key, at) for each frame. key: bus and identifier; at: offset in the message. */
 export function visitTrace({ view, count }, visit) {
   let at = 12;
   for (let i = 0; i < count; i++) {

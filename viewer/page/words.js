@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Names of joints and signals in words of a person, so that a search for "elbow torque" finds
-// torque_LElbj_nm: parts of names, as robot files abbreviate them, and what they stand for.
+// Translates abbreviations in the names of joints and signals into words. A search for "elbow
+// torque" thus finds torque_LElbj_nm.
 
 const PARTS = {
   l: 'left', r: 'right', fl: 'front left', fr: 'front right', hl: 'hind left', hr: 'hind right',
@@ -14,7 +14,7 @@ const PARTS = {
   pa: 'pressure', rad: 'angle',
 };
 
-/** A name followed by the words that its parts stand for, in small letters. */
+/** Returns a name followed by the words for its parts, in lower case. */
 export function describe(name) {
   const parts = name.replace(/([a-z0-9])([A-Z])/g, '$1 $2').replace(/([A-Z])([A-Z][a-z])/g, '$1 $2')
     .toLowerCase().split(/[^a-z0-9]+/);
