@@ -23,7 +23,7 @@ static enum error_code bind_axis(const struct rig *rig, const char *name,
                           index, error);
 }
 
-/* Finds the index of a body: the robot's bodies, then the free ones. */
+/* Finds the index of a body. The robot's bodies come first, then the free bodies. */
 static enum error_code bind_body(const struct rig *rig, const char *name,
                                  const struct yaml_mark *mark, int *index, struct error *error)
 {
@@ -40,7 +40,7 @@ static enum error_code bind_body(const struct rig *rig, const char *name,
                           index, error);
 }
 
-/* Finds the bus, joint or body that a stimulus acts on. */
+/* Finds the bus, joint or body of a stimulus. */
 static enum error_code bind_stimulus(struct scenario_stimulus *stimulus, const struct rig *rig,
                                      struct error *error)
 {
@@ -81,7 +81,7 @@ static enum error_code bind_stimulus(struct scenario_stimulus *stimulus, const s
     }
 }
 
-/* Checks the fault lines of the scenario itself, of its stimuli and of its mutations. */
+/* Checks all fault lines: of the scenario, of its stimuli, and of its mutations. */
 static enum error_code bind_faults(const struct scenario *scenario, const struct rig *rig,
                                    struct error *error)
 {
@@ -99,7 +99,7 @@ static enum error_code bind_faults(const struct scenario *scenario, const struct
         }
         code = rig_check_fault(rig, &(struct yaml_name){stimulus->mark, stimulus->fault}, &fault,
                                error);
-        /* The stimulus gives the fault's name and time */
+        /* The stimulus sets name and time, so the fault line must not have them */
         if (!code && (fault.timed || fault.name[0])) {
             code = yaml_error(error, &stimulus->mark,
                               "found fault \"%.140s\" with a %s, expected one without: %s",
@@ -132,7 +132,7 @@ enum error_code scenario_bind(struct scenario *scenario, const struct rig *rig, 
         }
     }
 
-    /* An expectation observes a bus, or a signal, which may need a host to receive it */
+    /* An expectation observes a bus or a signal. Some signals need a host that receives them */
     for (size_t i = 0; i < scenario->nexpectation; i++) {
         struct scenario_expectation *expectation = &scenario->expectation[i];
         struct scenario_signal signal;

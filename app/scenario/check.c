@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Checks the parts of a scenario that need no rig, and derives data from its file. */
+/* Checks the parts of a scenario that do not need the rig, and derives data from them. */
 #include "app/scenario/private.h"
 
 #include "base/array.h"
@@ -14,8 +14,8 @@ enum { BYTES_MAX = 64 }; /* bytes of a CAN FD frame */
 
 /* ---- bytes ---- */
 
-/* Parses two hexadecimal digits per byte, with spaces or dots between bytes. If `any` is not NULL,
- * x stands for any digit, and `any` receives the mask of the fixed digits. */
+/* Parses bytes: two hexadecimal digits each, with spaces or dots between bytes. If `any` is not
+ * NULL, x means any digit, and `any` receives the mask of the given digits. */
 static enum error_code parse_bytes(const char *text, const struct yaml_mark *mark,
                                    uint8_t byte[BYTES_MAX], uint8_t *any, uint8_t *len,
                                    struct error *error)
@@ -26,7 +26,7 @@ static enum error_code parse_bytes(const char *text, const struct yaml_mark *mar
         bool wild = any && (*c == 'x' || *c == 'X');
         int value = wild ? 0 : hex_value(*c);
 
-        /* Skips separators between bytes; each digit is half a byte and half a mask */
+        /* Skip separators between bytes; each digit gives four bits of a byte and of its mask */
         if ((*c == ' ' || *c == '.') && digits % 2 == 0) {
             continue;
         }
@@ -52,7 +52,7 @@ static enum error_code parse_bytes(const char *text, const struct yaml_mark *mar
     return ERROR_NONE;
 }
 
-/* Makes the CAN frame of a stimulus, and checks that its type of bus can carry it. */
+/* Makes the CAN frame of a stimulus, and checks it against the frame format: classic or FD. */
 static enum error_code check_frame(struct scenario_frame *frame, struct error *error)
 {
     uint8_t flags =
@@ -128,7 +128,7 @@ static enum error_code check_stimulus(const struct scenario *scenario,
             kinds);
     }
 
-    /* Refuses keys that the action does not have */
+    /* Refuse keys that the action does not have */
     if (stimulus->for_s > 0.0 &&
         (stimulus->action == SCENARIO_MOTOR || stimulus->action == SCENARIO_MARK)) {
         return yaml_error(error, &stimulus->mark, "found for_s, expected none: this takes no time");
@@ -145,7 +145,7 @@ static enum error_code check_stimulus(const struct scenario *scenario,
                           stimulus->for_s > 0.0 ? "for_s" : "every_s");
     }
 
-    /* Refuses actions that the rest of the scenario does not allow */
+    /* Refuse actions that the scenario's host or task does not allow */
     if ((stimulus->action == SCENARIO_VOLTAGE || stimulus->action == SCENARIO_MOTOR ||
          stimulus->action == SCENARIO_SILENCE) &&
         scenario->host != SCENARIO_HOST_ENABLED) {
@@ -161,7 +161,7 @@ static enum error_code check_stimulus(const struct scenario *scenario,
     return stimulus->action == SCENARIO_FRAME ? check_frame(&stimulus->frame, error) : ERROR_NONE;
 }
 
-/* Appends the stimuli of clean_up to the others, relative to the label clean_up. */
+/* Appends the stimuli of clean_up to the list. Their times are relative to the label clean_up. */
 static enum error_code join_clean_up(struct scenario *scenario, struct arena *arena,
                                      struct error *error)
 {
@@ -189,7 +189,8 @@ static enum error_code join_clean_up(struct scenario *scenario, struct arena *ar
     return ERROR_NONE;
 }
 
-/* Assigns an index to a stimulus's label; stimuli with the same label share it; -1 = no label. */
+/* Assigns an index to a stimulus's label. Stimuli with the same label share the index; -1 = no
+ * label. */
 static enum error_code add_label(struct scenario *scenario, struct scenario_stimulus *stimulus,
                                  struct error *error)
 {
@@ -229,7 +230,7 @@ static enum error_code check_stimuli(struct scenario *scenario, struct error *er
         }
     }
 
-    /* Resolves references last, because a stimulus may refer to the label of a later one */
+    /* Resolve references last, because a stimulus may refer to the label of a later stimulus */
     for (size_t i = 0; i < scenario->nstimulus; i++) {
         struct scenario_stimulus *stimulus = &scenario->stimulus[i];
 
@@ -244,7 +245,7 @@ static enum error_code check_stimuli(struct scenario *scenario, struct error *er
 
 /* ---- expectations ---- */
 
-/* Derives what an expectation observes, its band and its window from the given keys. */
+/* Derives subject, band and window of an expectation from its keys. */
 static enum error_code check_form(struct scenario_expectation *e, struct error *error)
 {
     static const char *const keys[] = {"between", "reaches", "period_s", "count"};
@@ -256,7 +257,7 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
     int how = e->never;
     bool of_signal;
 
-    /* Derives the kind of judgment and the band */
+    /* Derive the kind of judgment and the band */
     e->look = SCENARIO_SEEN;
     for (size_t i = 0; i < ARRAY_COUNT(keys); i++) {
         if (yaml_has(&e->mark, keys[i])) {
@@ -282,7 +283,7 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
                           e->band[0], e->band[1]);
     }
 
-    /* The end of the window, from either key */
+    /* Derive the end of the window from one of two keys */
     e->ends = yaml_has(&e->mark, "to_s");
     if (yaml_has(&e->mark, "within_s")) {
         if (e->ends) {
@@ -299,7 +300,7 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
                         : ERROR_NONE;
 }
 
-/* Checks the number of expectations, and each one: its form, its unique name, and its label. */
+/* Checks the number of expectations, and the form, unique name and label of each. */
 static enum error_code check_expectations(struct scenario *scenario, struct error *error)
 {
     enum error_code code = ERROR_NONE;
@@ -326,7 +327,8 @@ static enum error_code check_expectations(struct scenario *scenario, struct erro
 
 /* ---- mutations ---- */
 
-/* Checks each mutation: a fault or omitted stimuli, and the expectations that must fail. */
+/* Checks each mutation: it adds a fault or omits stimuli, and names expectations of the
+ * scenario. */
 static enum error_code check_mutations(const struct scenario *scenario, struct error *error)
 {
     const struct yaml_names expectations =
@@ -387,7 +389,7 @@ enum error_code scenario_check(struct scenario *scenario, struct arena *arena, s
                           scenario->name);
     }
 
-    /* Only one of task, host and program may drive the boards; a program uses STEP */
+    /* Only one of task, host and program may drive the boards; a program needs lockstep */
     if (scenario->task && scenario->host != SCENARIO_HOST_NONE) {
         return yaml_error(error, yaml_place(&scenario->mark, "task"),
                           "found both a task and a host, expected one of them to drive the boards");

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs scenarios, each in its own process, several at a time, with a limit of processor time. */
+/* Runs scenarios in parallel. Each has its own process, with a limit of processor time. */
 #include "app/scenario/jobs.h"
 
 #include "base/whole_file.h"
@@ -18,11 +18,11 @@
 
 enum {
     PARALLEL_MAX = 256,
-    LOOK_MS = 500, /* period of checks of the processes' times */
-    STALL_S = 60,  /* a process without processor time for so long has deadlocked */
+    LOOK_MS = 500, /* period of checks of processor times */
+    STALL_S = 60,  /* without processor time for this long, a process has deadlocked */
 };
 
-/* A slot for a job in a process. */
+/* A slot: a child process that runs a job. */
 struct process {
     struct scenario_job *job; /* NULL = the slot is free */
     pid_t pid;
@@ -44,9 +44,9 @@ struct pool {
 
 /* ---- in the process ---- */
 
-/* Runs a job in this process. A failed run is repeated with the recorder on; in virtual time this
- * is the same run. If the repeat has another hash, the outcome is invalid. A failure to record
- * does not make it invalid, because its verdicts are known. */
+/* Runs a job in this process. A failed run is repeated with the recorder on. In virtual time, the
+ * repeat is identical. If its hash differs, the outcome is invalid. If only the recording fails,
+ * the outcome stays valid. */
 static void job_run_here(const struct scenario_job *job, const struct scenario_jobs_options *jobs,
                          struct scenario_outcome *outcome)
 {
@@ -66,7 +66,7 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
         return;
     }
 
-    /* Records only the repeat, because most runs pass and need no files */
+    /* Record only the repeat, because most runs pass and need no files */
     if (folder_make_all(job->record, &error)) {
         snprintf(outcome->unrecorded, sizeof outcome->unrecorded, "%.200s", error.text);
         return;
@@ -78,7 +78,7 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
     options.record = job->record;
     scenario_run(job->scenario, &options, again);
 
-    /* The same input must give a bit-identical state */
+    /* The same input must give a bit-identical result */
     memcpy(outcome->unrecorded, again->unrecorded, sizeof outcome->unrecorded);
     if (again->ran ? again->state_hash != outcome->state_hash : !again->unrecorded[0]) {
         outcome->ran = false;
@@ -96,7 +96,7 @@ static void job_run_in_child(const struct scenario_job *job,
     const char *from = (const char *)&outcome;
     size_t left = sizeof outcome;
 
-    /* The child ends with its parent, also if the parent died before this call */
+    /* End this child when its parent ends, also if the parent died before this call */
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (getppid() != parent) {
         _exit(EXIT_FAILURE);
@@ -123,7 +123,7 @@ static enum error_code job_start(struct pool *pool, struct scenario_job *job, st
     pid_t parent = getpid();
     int ends[2];
 
-    /* The caller has checked that a slot is free */
+    /* Find a free slot; the caller has checked that one exists */
     while (process->job) {
         process++;
     }
@@ -131,7 +131,7 @@ static enum error_code job_start(struct pool *pool, struct scenario_job *job, st
         return error_set_errno(error, errno, "cannot make a pipe for a scenario");
     }
 
-    /* Flushes first; otherwise both processes would write the buffered output */
+    /* Flush first; otherwise both processes would write the buffered output */
     fflush(NULL);
     process->pid = fork();
     if (process->pid < 0) {
@@ -152,13 +152,14 @@ static enum error_code job_start(struct pool *pool, struct scenario_job *job, st
     process->begin_ns = process->seen_ns = clock_now(pool->time);
     process->computed_ns = -1;
     if (clock_getcpuclockid(process->pid, &process->cpu)) {
-        process->cpu = CLOCK_PROCESS_CPUTIME_ID; /* already ended: its outcome is read next */
+        process->cpu = CLOCK_PROCESS_CPUTIME_ID; /* the process has already ended */
     }
     pool->running++;
     return ERROR_NONE;
 }
 
-/* Ends a job whose process has ended; if why is not NULL, kills the process for that reason. */
+/* Finishes a job. If why is NULL, its process has ended. Otherwise kills the process, and reports
+ * why. */
 static void job_end(struct pool *pool, struct process *process, const char *why)
 {
     struct scenario_job *job = process->job;
@@ -185,8 +186,8 @@ static void job_end(struct pool *pool, struct process *process, const char *why)
     pool->running--;
 }
 
-/* Reads the received part of a process's outcome; ends the job when the outcome is complete or the
- * pipe closes. */
+/* Reads available bytes of a process's outcome. Finishes the job when the outcome is complete or
+ * the pipe is closed. */
 static void job_take_outcome(struct pool *pool, struct process *process)
 {
     unsigned char *to = (unsigned char *)&process->outcome;
@@ -200,8 +201,8 @@ static void job_take_outcome(struct pool *pool, struct process *process)
     }
 }
 
-/* Ends a process that has used more processor time than its scenario allows, or none for so long
- * that it must have deadlocked. */
+/* Ends a process that has exceeded its scenario's processor time. Also ends a process that has used
+ * none for STALL_S, because it must have deadlocked. */
 static void job_check_time(struct pool *pool, struct process *process)
 {
     const double limit_s = process->job->scenario->cpu_limit_s;
@@ -226,7 +227,7 @@ static void job_check_time(struct pool *pool, struct process *process)
     }
 }
 
-/* Waits until a process sends data or a time passes, and checks the times of the others. */
+/* Waits for data from the processes, at most LOOK_MS, and checks the processes' times. */
 static void jobs_attend(struct pool *pool)
 {
     struct pollfd fd[PARALLEL_MAX];
@@ -265,7 +266,7 @@ enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
     pool->options = &options;
     pool->time = clock_monotonic();
 
-    /* Keeps all slots busy; reports in order, although jobs end in any order */
+    /* Keep all slots busy. Report in array order, although jobs end in any order */
     while (!code && told < count) {
         while (!code && started < count && pool->running < options.parallel) {
             code = job_start(pool, &job[started], error);
@@ -279,7 +280,7 @@ enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
         }
     }
 
-    /* After an error, ends the jobs that still run */
+    /* After an error, end the jobs that still run */
     for (size_t i = 0; i < options.parallel; i++) {
         if (pool->process[i].job) {
             job_end(pool, &pool->process[i], "not finished");

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Runs scenarios, each in its own process, several at a time, and judges them. Each run has one
- * result, as lines on the terminal and as JUnit XML. Not RT-safe.
+ * Runs scenarios in parallel, each in its own process, and judges them. Each run has one result,
+ * which is written to the terminal and as JUnit XML. Not RT-safe.
  */
 #ifndef APP_SCENARIO_JOBS_H
 #define APP_SCENARIO_JOBS_H
@@ -30,14 +30,14 @@ struct scenario_jobs_options {
     size_t parallel;     /* number of processes at a time */
     bool to_the_end;     /* see struct scenario_options */
     const char *program; /* command of scenarios with host: program; NULL = none */
-    /* Called for each job in array order, as soon as this job and all earlier ones have ended */
+    /* Called for each job in array order, as soon as this job and all earlier jobs have ended */
     void (*ended)(void *context, const struct scenario_job *job);
     void *context;
 };
 
-/* Runs all jobs. The outcome has ran = false if the process crashes, uses more processor time than
- * its scenario's cpu_limit_s, or gets none for a minute. No verdict depends on the load of the
- * machine. Returns ERROR_SYSTEM if no process can be created. */
+/* Runs all jobs. Sets outcome.ran = false if a process crashes, exceeds its scenario's cpu_limit_s,
+ * or uses no processor time for a minute. No verdict depends on the load of the machine. Returns
+ * ERROR_SYSTEM if it cannot create a process. */
 enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
                                   const struct scenario_jobs_options *options, struct error *error);
 
@@ -46,26 +46,26 @@ enum scenario_status { SCENARIO_PASSED, SCENARIO_FAILED, SCENARIO_BROKEN /* no r
 /* The verdict on a run. */
 struct scenario_result {
     const struct scenario *scenario;
-    char name[RESULT_NAME]; /* of the scenario, with parameters and mutation */
+    char name[RESULT_NAME]; /* name of the scenario, with parameters and mutation */
     enum scenario_status status;
-    char message[RESULT_MESSAGE]; /* one line per fault */
+    char message[RESULT_MESSAGE]; /* one line per reason for the status */
     const char *record;           /* directory with the recording and the plots; "" = none */
     bool ran;                     /* there was a run; seed and hash are valid */
     uint64_t seed, state_hash;
     double seconds;
 };
 
-/* Judges a job. A run without mutation passes if all expectations are met. A run with a mutation
- * passes if the expectations fail that the mutation names. */
+/* Judges a job. A run without a mutation passes if all expectations are met. A run with a mutation
+ * passes if the expectations named by the mutation fail. */
 void scenario_judge(const struct scenario_job *job, struct scenario_result *result);
 
-/* Judges the mutations of one case, count jobs of the same scenario: each expectation must fail
- * under at least one of them. */
+/* Judges `count` jobs, the mutations of one scenario in one case. Passes if each expectation fails
+ * in at least one of them. */
 void scenario_judge_mutations(const struct scenario_job *job, size_t count,
                               struct scenario_result *result);
 
-/* Writes one testsuite per scenario, and one testcase per result. begun: when the runs began on
- * this host; 0 for results that are the same on every host. */
+/* Writes one testsuite per scenario, and one testcase per result. begun: start time of the runs; 0
+ * omits time and host, so that the file is the same on every machine. */
 enum error_code scenario_junit_write(const char *path, const struct scenario_result *result,
                                      size_t count, time_t begun, struct error *error);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Judges the expectations of a scenario tick by tick, and plots the failed ones. */
+/* Judges the expectations of a scenario tick by tick, and plots failed expectations. */
 #include "app/scenario/private.h"
 
 #include "app/report/report.h"
@@ -11,8 +11,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* State of an expectation: its window is not open yet, the window is open, or it is decided. */
-enum progress { WAITING /* for its window */, OPEN, DECIDED };
+/* State of an expectation: before its window, in its window, or decided. */
+enum progress { WAITING /* before the window */, OPEN, DECIDED };
 
 /* An expectation being judged. */
 struct judged {
@@ -29,7 +29,7 @@ struct judged {
     double *trace;            /* one sample per tick, for the plot */
 };
 
-/* All expectations of a run; stores at most max samples of time and traces. */
+/* All expectations of a run. Traces and time_s have room for `max` samples. */
 struct scenario_expectations {
     const struct scenario *scenario;
     size_t count, nsample, max;
@@ -45,7 +45,7 @@ enum error_code scenario_expectations_create(const struct scenario *scenario, co
     struct scenario_expectations *made = arena_alloc(arena, 1, sizeof *made);
     bool good = made && (made->time_s = arena_alloc(arena, ticks, sizeof *made->time_s));
 
-    /* Initializes each with an empty range and room for a trace of the whole run */
+    /* Initialize each expectation with an empty range and space for a trace of the whole run */
     for (size_t i = 0; good && i < scenario->nexpectation; i++) {
         struct judged *judged = &made->judged[i];
 
@@ -96,7 +96,7 @@ void scenario_expectations_event(struct scenario_expectations *expectations, con
 
 /* ---- judging ---- */
 
-/* Decides an expectation at a time. */
+/* Records the decision on an expectation, and its time. */
 static void expectation_decide(struct judged *judged, bool met, int64_t time_ns)
 {
     judged->progress = DECIDED;
@@ -137,7 +137,7 @@ static void expectation_fail_period(struct judged *judged, int64_t gap_ns, int64
              judged->what->band[1]);
 }
 
-/* Judges a sample of a signal: whether it leaves the band (between) or enters it (reaches). */
+/* Judges a sample of a signal. BETWEEN fails outside the band; REACHES is met inside the band. */
 static void expectation_judge_signal(struct judged *judged, double value, int64_t time_ns)
 {
     const double *band = judged->what->band;
@@ -156,7 +156,8 @@ static void expectation_judge_signal(struct judged *judged, double value, int64_
     }
 }
 
-/* Judges the time between frames: too long, too short, or several frames in one tick. */
+/* Judges the time since the last frame. It must not be too long or too short; several frames in one
+ * tick are too short. */
 static void expectation_judge_period(struct judged *judged, int64_t time_ns)
 {
     const double *band = judged->what->band;
@@ -184,7 +185,7 @@ static void expectation_judge_matches(struct judged *judged, int64_t time_ns)
         judged->last_ns = time_ns;
     }
 
-    /* Too many, or enough if there is no upper bound */
+    /* Decide early: too many, or enough without an upper bound */
     if (judged->what->look == SCENARIO_SEEN && (double)judged->count > band[1]) {
         expectation_fail_count(judged, time_ns);
     } else if (judged->what->look == SCENARIO_SEEN && band[1] == DBL_MAX &&
@@ -193,13 +194,13 @@ static void expectation_judge_matches(struct judged *judged, int64_t time_ns)
     }
 }
 
-/* Decides an expectation at the end of its window or of the run, if it has not failed before. */
+/* Decides an undecided expectation at the end of its window or of the run. */
 static void expectation_close_window(struct judged *judged, int64_t time_ns)
 {
     const double *band = judged->what->band;
     enum scenario_look look = judged->what->look;
 
-    /* BETWEEN is met if the signal stayed in its band; REACHES fails if it was not reached */
+    /* BETWEEN is met, because the signal stayed in its band; REACHES fails, because it never did */
     if (look == SCENARIO_BETWEEN) {
         expectation_decide(judged, true, time_ns);
     } else if (look == SCENARIO_REACHES) {
@@ -221,14 +222,14 @@ static void expectation_close_window(struct judged *judged, int64_t time_ns)
     }
 }
 
-/* Judges one expectation in a tick; value is its signal's. */
+/* Judges one expectation in a tick. value: the present value of its signal. */
 static void expectation_step(struct judged *judged, double value,
                              const struct scenario_clock *clock, int64_t time_ns)
 {
     const struct scenario_expectation *what = judged->what;
     int64_t label = clock->label_ns[what->after_index];
 
-    /* Closes the window first, because later matches do not count */
+    /* Close the window first, because later matches do not count */
     if (judged->progress == OPEN && what->ends && time_ns > label + scenario_ns(what->to_s)) {
         expectation_close_window(judged, label + scenario_ns(what->to_s));
     }
@@ -236,7 +237,7 @@ static void expectation_step(struct judged *judged, double value,
         expectation_judge_matches(judged, time_ns);
     }
 
-    /* Opens the window after the tick's frames, so that frames of this tick do not count */
+    /* Open the window after the tick's frames, so that these frames do not count */
     if (judged->progress == WAITING && label >= 0 && time_ns >= label + scenario_ns(what->from_s)) {
         judged->progress = OPEN;
         judged->open_ns = judged->last_ns = time_ns;
@@ -288,8 +289,8 @@ void scenario_expectations_finish(struct scenario_expectations *expectations,
         struct scenario_verdict *verdict = &outcome->verdict[i];
         int64_t until_ns = what->ends ? label + scenario_ns(what->to_s) : planned_ns;
 
-        /* If the run ended early, undecided expectations get no verdict; otherwise open windows
-         * are closed or ended too early */
+        /* If the run ended early, undecided expectations get no verdict. Otherwise they are
+         * decided, or fail because their window was cut short */
         verdict->judged = !early || judged->progress == DECIDED;
         if (!verdict->judged) {
             snprintf(judged->text, sizeof judged->text,
@@ -310,8 +311,8 @@ void scenario_expectations_finish(struct scenario_expectations *expectations,
         verdict->time_ns = judged->decided_ns;
         memcpy(verdict->text, judged->text, sizeof judged->text);
 
-        /* The margin: the smallest distance from the bounds, as a share of the distance between
-         * them */
+        /* Compute the margin: the smallest distance from a bound, divided by the width of the
+         * band */
         verdict->has_margin = what->look == SCENARIO_BETWEEN && width > 0.0 &&
                               judged->lowest <= judged->highest && isfinite(width);
         if (verdict->has_margin) {
@@ -322,7 +323,7 @@ void scenario_expectations_finish(struct scenario_expectations *expectations,
 
 /* ---- plots ---- */
 
-/* Plots the trace of an expectation with its band and the sample of the decision. */
+/* Plots the trace of an expectation with its band, and marks the sample of the decision. */
 static enum error_code expectation_plot(const struct scenario_expectations *expectations,
                                         size_t index, const char *directory, struct error *error)
 {
@@ -342,7 +343,7 @@ static enum error_code expectation_plot(const struct scenario_expectations *expe
 
     plot.width = 900;
 
-    /* Draws the band, if the expectation has a band of values */
+    /* Draw the band, if it is a band of values */
     if (judged->progress != WAITING && judged->what->look != SCENARIO_PERIOD) {
         series[plot.nseries++] = svg_line("at least", span, lower, 2, SVG_DASHED);
         if (band[1] < DBL_MAX) {
@@ -350,7 +351,7 @@ static enum error_code expectation_plot(const struct scenario_expectations *expe
         }
     }
 
-    /* Marks the sample of the decision */
+    /* Mark the sample of the decision */
     for (size_t i = 0; i < expectations->nsample && judged->decided_ns >= 0; i++) {
         if (expectations->time_s[i] <= span[1]) {
             found[1] = judged->trace[i];

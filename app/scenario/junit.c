@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes results as JUnit XML, one element per line, by the rules of the schemas of Ant and of
- * Jenkins' plugin xUnit (tests/service/junit.py): a testcase has neither properties nor output. */
+/* Writes results as JUnit XML, one element per line. The file is valid in the schemas of Ant and of
+ * Jenkins' xUnit plugin (tests/service/junit.py). A testcase therefore has no properties and no
+ * output. */
 #include "app/scenario/jobs.h"
 
 #include "base/markup.h"
@@ -14,13 +15,13 @@
 
 static const char *const element[] = {"", "failure", "error"};
 
-/* Writes any text as an attribute's value or as content, on one line. */
+/* Writes a text on one line, escaped for an attribute's value or for content. */
 static void junit_put_text(const char *text, FILE *out)
 {
     markup_put_flags(out, text, MARKUP_ASCII | MARKUP_LINE_BREAKS);
 }
 
-/* Writes a property of a suite: about the case of a name, or "" for all. */
+/* Writes a property of a suite. name: the testcase that it describes; "" = all. */
 static void junit_put_property(const char *name, const char *what, const char *value, FILE *out)
 {
     fputs("      <property name=\"", out);
@@ -30,7 +31,7 @@ static void junit_put_property(const char *name, const char *what, const char *v
     fputs("\"/>\n", out);
 }
 
-/* Writes the data that repeat a case, as properties. */
+/* Writes the data that are needed to repeat a case, as properties. */
 static void junit_put_data(const struct scenario_result *result, FILE *out)
 {
     char number[32];
@@ -70,7 +71,7 @@ static void junit_put_case(const struct scenario_result *result, FILE *out)
     fprintf(out, "</%s>\n    </testcase>\n", element[result->status]);
 }
 
-/* Writes the suite of the results whose place in `of` is this one. */
+/* Writes the suite `place`: the results i with of[i] == place. */
 static void junit_put_suite(const struct scenario_result *result, const size_t *of, size_t count,
                             size_t suite, const char *place, FILE *out)
 {
@@ -128,7 +129,7 @@ enum error_code scenario_junit_write(const char *path, const struct scenario_res
         goto done;
     }
 
-    /* A suite for each scenario, in the order of the results */
+    /* Write one suite per scenario, in the order of the results */
     for (size_t i = 0; i < count; i++) {
         while (of[i] < suites &&
                strcmp(result[first[of[i]]].scenario->name, result[i].scenario->name) != 0) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Starts, watches and ends the program that is the host of a scenario. */
+/* Starts, watches and ends the program that acts as the host of a scenario. */
 #include "app/scenario/program.h"
 
 #include "base/whole_file.h"
@@ -19,7 +19,7 @@
 /* Time between SIGTERM and SIGKILL. */
 enum { PATIENCE_MS = 1000 };
 
-/* Executes the program in the new process. If the job is killed, the program ends too. */
+/* Executes the program in the new process. The program ends when its parent ends. */
 static void program_execute(const char *command, uint16_t port, const char *scratch, int output,
                             pid_t parent)
 {
@@ -30,7 +30,7 @@ static void program_execute(const char *command, uint16_t port, const char *scra
     setpgid(0, 0);
     snprintf(place, sizeof place, "127.0.0.1:%u", port);
 
-    /* The environment gives the gateway; the output goes to the log */
+    /* Pass the gateway's address in the environment, and redirect the output to the log */
     if (getppid() != parent || input < 0 || dup2(input, STDIN_FILENO) < 0 ||
         dup2(output, STDOUT_FILENO) < 0 || dup2(output, STDERR_FILENO) < 0 ||
         setenv(SCENARIO_PROGRAM_GATEWAY, place, 1) ||
@@ -67,7 +67,7 @@ enum error_code scenario_program_start(struct scenario_program *program, const c
         program->pid = 0;
         return error_set_errno(error, reason, "cannot make a process for a scenario's program");
     }
-    /* both processes call this; the first call has the effect */
+    /* parent and child both call setpgid, so that the group exists for both */
     setpgid(program->pid, program->pid);
     return ERROR_NONE;
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Runs a program under test as the host of a scenario (host: program). It is a shell command that
- * joins the run through its gateway and drives the run by STEP. It has its own process group, which
- * ends with the run. Not RT-safe.
+ * Runs a program under test as the host of a scenario (host: program). The program is a shell
+ * command. It connects to the run's gateway, and advances the run with STEP frames. It has its own
+ * process group, which is ended with the run. Not RT-safe.
  */
 #ifndef APP_SCENARIO_PROGRAM_H
 #define APP_SCENARIO_PROGRAM_H
@@ -27,14 +27,14 @@ struct scenario_program {
     pid_t pid; /* 0 = no program runs */
 };
 
-/* Starts command. Its output goes to the log in the folder record, else in scratch; if both are
- * NULL, it is discarded. Returns ERROR_SYSTEM if there is no process or the log cannot be
- * written. */
+/* Starts a command. Its output goes to the log in the folder `record`, or in `scratch` if record is
+ * NULL. If both are NULL, the output is discarded. Returns ERROR_SYSTEM if the process or the log
+ * cannot be created. */
 enum error_code scenario_program_start(struct scenario_program *program, const char *command,
                                        uint16_t port, const char *record, const char *scratch,
                                        struct error *error);
 
-/* Checks whether the program has ended by itself; text describes how. */
+/* Returns whether the program has ended by itself. text receives its exit status or signal. */
 bool scenario_program_ended(struct scenario_program *program, char *text, size_t size);
 
 /* Ends the program and all processes of its group: SIGTERM, then SIGKILL after a second. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reads scenarios: first the parameters, then the document once per combination of their
+/* Reads scenarios: first the parameters, then the document, once per combination of their
  * values. */
 #include "app/scenario/private.h"
 
@@ -17,11 +17,10 @@
 
 #define AT(type, member) offsetof(struct type, member)
 
-/* maximum bytes of a scenario file, before and after inserting values */
+/* maximum size of a scenario file, before and after values are inserted, bytes */
 enum { EXPANDED_MAX = 1 << 20 };
 
-/* The mapping "parameters:" at the top level of a file, and given values that replace the
- * file's. */
+/* The mapping "parameters:" of a file, and the caller's values, which replace the file's values. */
 struct parameters {
     struct yaml_mark mark;
     size_t count;
@@ -39,8 +38,8 @@ static const struct yaml_schema parameters_schema =
 
 /* ---- blocks of a file ---- */
 
-/* Finds the lines from key, which ends with a colon, to the next unindented line; returns false if
- * there are none. */
+/* Finds the block of a key: its line and the following indented lines. key: ends with a colon.
+ * Returns false if the text has no such block. */
 static bool find_block(const char *text, size_t size, const char *key, size_t *from, size_t *to)
 {
     const size_t length = strlen(key);
@@ -77,7 +76,7 @@ static size_t count_lines(const char *text, size_t size)
 
 /* ---- parameters ---- */
 
-/* Returns the given value that replaces a parameter's values in the file; NULL = none. */
+/* Returns the caller's value for a parameter; NULL = none, use the values of the file. */
 static const char *given_value(const struct parameters *parameters, size_t index)
 {
     for (size_t i = 0; i < parameters->ngiven; i++) {
@@ -96,7 +95,7 @@ static size_t parameter_values(const struct parameters *parameters, size_t index
     return given_value(parameters, index) ? 1 : parameter->nvalue + parameter->nword;
 }
 
-/* Checks that words are plain names, which cannot change the structure of the document. */
+/* Checks that words are plain names, so that they cannot change the structure of the document. */
 static enum error_code check_words(const struct scenario_parameter *parameter, struct error *error)
 {
     for (size_t i = 0; i < parameter->nword; i++) {
@@ -111,7 +110,7 @@ static enum error_code check_words(const struct scenario_parameter *parameter, s
     return ERROR_NONE;
 }
 
-/* Checks the parameters, and multiplies their numbers of values to get the number of cases. */
+/* Checks the parameters. *cases receives the product of their numbers of values. */
 static enum error_code check_parameters(const struct parameters *given, size_t *cases,
                                         struct error *error)
 {
@@ -127,7 +126,7 @@ static enum error_code check_parameters(const struct parameters *given, size_t *
                 parameter->name, parameter->nvalue, parameter->nword);
         }
 
-        /* Checks the number of combinations before the multiplication */
+        /* Check the limit before the multiplication */
         if (i >= SCENARIO_PARAMETERS_MAX ||
             parameter_values(given, i) > SCENARIO_CASES_MAX / *cases) {
             return yaml_error(
@@ -144,7 +143,7 @@ static enum error_code check_parameters(const struct parameters *given, size_t *
     return ERROR_NONE;
 }
 
-/* Checks that values are given only for parameters of the file. */
+/* Checks that each of the caller's values belongs to a parameter of the file. */
 static enum error_code check_given(const char *name, const struct parameters *parameters,
                                    struct error *error)
 {
@@ -161,8 +160,8 @@ static enum error_code check_given(const char *name, const struct parameters *pa
     return ERROR_NONE;
 }
 
-/* Reads only the block of parameters, preceded by as many empty lines as there are lines before
- * it, so that messages have the right line. *cases is the number of combinations. */
+/* Reads only the block of parameters. Empty lines replace the lines before it, so that messages
+ * have the right line number. *cases receives the number of combinations. */
 static enum error_code read_parameters(const char *name, const char *text, size_t size,
                                        struct arena *arena, struct parameters *out, size_t *cases,
                                        struct error *error)
@@ -190,8 +189,7 @@ static enum error_code read_parameters(const char *name, const char *text, size_
     return code ? code : check_given(name, out, error);
 }
 
-/* Writes a parameter's value in combination `number` as text; the last parameter varies
- * fastest. */
+/* Writes a parameter's value in combination `number` as text. The last parameter varies fastest. */
 static void value_in(const struct parameters *given, size_t index, size_t number,
                      char text[SCENARIO_VALUE_MAX])
 {
@@ -203,8 +201,7 @@ static void value_in(const struct parameters *given, size_t index, size_t number
         return;
     }
 
-    /* The combination's number is written in a mixed radix; each digit selects a parameter's
-     * value */
+    /* Decompose the number in mixed radix; each digit selects the value of a parameter */
     for (size_t i = given->count - 1; i > index; i--) {
         number /= parameter_values(given, i);
     }
@@ -216,7 +213,7 @@ static void value_in(const struct parameters *given, size_t index, size_t number
     }
 }
 
-/* Refuses ${NAME} with an unknown parameter, or without its end, with line and column. */
+/* Reports, with line and column, a ${NAME} with an unknown parameter or without a closing brace. */
 static enum error_code unknown_parameter(const char *file, const char *text, size_t at,
                                          const char *name, const struct parameters *given,
                                          struct error *error)
@@ -236,7 +233,7 @@ static enum error_code unknown_parameter(const char *file, const char *text, siz
                              name);
 }
 
-/* Copies the text and replaces each ${NAME}; out has room for EXPANDED_MAX bytes. */
+/* Copies the text and replaces each ${NAME}. out has space for EXPANDED_MAX bytes. */
 static enum error_code expand_parameters(const char *file, const char *text, size_t size,
                                          const struct parameters *given, size_t number, char *out,
                                          size_t *used, struct error *error)
@@ -251,7 +248,7 @@ static enum error_code expand_parameters(const char *file, const char *text, siz
                              file, EXPANDED_MAX);
         }
 
-        /* Copies everything except ${NAME} */
+        /* Copy text outside ${NAME} */
         if (text[at] != '$' || at + 1 == size || text[at + 1] != '{') {
             out[(*used)++] = text[at++];
             continue;
@@ -263,7 +260,7 @@ static enum error_code expand_parameters(const char *file, const char *text, siz
         }
         name[length] = '\0';
 
-        /* Finds its value in this combination */
+        /* Find the parameter's value in this combination */
         while (index < given->count && strcmp(given->parameter[index].name, name) != 0) {
             index++;
         }
@@ -314,8 +311,8 @@ static struct yaml_mark mark_line(const char *file, const char *text, size_t at)
     return (struct yaml_mark){.file = file, .line = (int)count_lines(text, at) + 1, .column = 1};
 }
 
-/* Removes the block "changes:" from the document, without moving other lines, and stores it for
- * the rig: the line of its key becomes the key "extends" of a rig file. */
+/* Moves the block "changes:" from the document to a rig file of its own; other lines keep their
+ * line numbers. The line of the key `changes` is reserved for the rig's key `extends`. */
 static enum error_code take_changes(const char *name, char *text, size_t size, struct arena *arena,
                                     const char **changes, size_t *changes_size, size_t *key_at,
                                     struct error *error)
@@ -330,7 +327,7 @@ static enum error_code take_changes(const char *name, char *text, size_t size, s
         return ERROR_NONE;
     }
 
-    /* The changes are a mapping on separate lines; comments may precede it */
+    /* Require a mapping on separate lines; comments may precede it */
     mark = mark_line(name, text, from);
     for (first = from + sizeof key - 1; first < to && text[first] == ' '; first++) {
     }
@@ -348,8 +345,8 @@ static enum error_code take_changes(const char *name, char *text, size_t size, s
         return yaml_error(error, &mark, "found no changes, expected keys of a rig");
     }
 
-    /* Adds as many empty lines as precede the changes, so that messages have the right line, then
-     * the indentation of the new key */
+    /* Write empty lines, so that messages have the right line number, then the indentation of the
+     * key `extends` */
     *key_at = count_lines(text, from) + indent;
     *changes_size = *key_at + 1 + (to - first) + count_lines(text + from, first - from);
     copy = arena_alloc(arena, *changes_size, 1);
@@ -368,7 +365,7 @@ static enum error_code take_changes(const char *name, char *text, size_t size, s
     return ERROR_NONE;
 }
 
-/* Writes "extends: RIG" into the space left by take_changes. */
+/* Writes "extends: RIG" into the line that take_changes has reserved. */
 static enum error_code extend_rig(struct scenario *scenario, size_t key_at, struct arena *arena,
                                   struct error *error)
 {
@@ -401,7 +398,7 @@ enum error_code scenario_load_rig(const struct scenario *scenario, struct arena 
                                                scenario->changes_size, arena, rig, error)
                                : rig_load(scenario->rig_path, arena, rig, error);
 
-    /* A missing rig is an error of the scenario */
+    /* Report a missing rig as an error of the scenario */
     if (code && !scenario->changes &&
         (config_locate(CONFIG_RIG, scenario->rig_path, found, NULL) || access(found, R_OK))) {
         error_prefix(error, "%s:%d:%d", mark->file, mark->line, mark->column);
@@ -411,7 +408,7 @@ enum error_code scenario_load_rig(const struct scenario *scenario, struct arena 
 
 /* ---- the file ---- */
 
-/* Reads the document for combination `number`; expanded has room for EXPANDED_MAX bytes. */
+/* Reads the document for combination `number`. expanded: a buffer of EXPANDED_MAX bytes. */
 static enum error_code read_case(const char *name, const char *text, size_t size,
                                  const struct parameters *given, size_t number, char *expanded,
                                  struct arena *arena, struct scenario *one, struct error *error)
@@ -443,7 +440,7 @@ static enum error_code read_case(const char *name, const char *text, size_t size
     return code || !changes ? code : extend_rig(one, key_at, arena, error);
 }
 
-/* Reads a text as one scenario for each combination of its parameters. */
+/* Makes one scenario from a text for each combination of its parameters. */
 static enum error_code read_text(const char *name, const char *text, size_t size,
                                  struct parameters *given, struct arena *arena,
                                  struct scenario **cases, size_t *count, struct error *error)
@@ -460,7 +457,7 @@ static enum error_code read_text(const char *name, const char *text, size_t size
         return error_set(error, ERROR_MEMORY, "no memory left for scenario %s", name);
     }
 
-    /* Reads the document once per combination, because a parameter may be anywhere in it */
+    /* Read the document once per combination, because a parameter may be anywhere in it */
     for (size_t i = 0; i < *count && !code; i++) {
         code = read_case(name, text, size, given, i, expanded, arena, &(*cases)[i], error);
     }

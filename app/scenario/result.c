@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Names a result after its scenario, with the values of its parameters, a text and a name. */
+/* Composes the name of a result: scenario, values of the parameters, a text and a name. */
 static void name_case(const struct scenario *scenario, const char *text, const char *name,
                       struct scenario_result *result)
 {
@@ -42,7 +42,7 @@ void scenario_judge(const struct scenario_job *job, struct scenario_result *resu
     name_case(scenario, job->mutation >= 0 ? ", mutation " : "",
               job->mutation >= 0 ? scenario->mutation[job->mutation].name : "", result);
 
-    /* A run without verdicts; a mutation that must fail; or a run that must not fail */
+    /* Three cases: no verdicts, a mutation that must fail, and a run that must pass */
     if (!outcome->ran) {
         result_add_message(result, SCENARIO_BROKEN, "", outcome->text);
         return;
@@ -84,7 +84,7 @@ void scenario_judge_mutations(const struct scenario_job *job, size_t count,
     *result = (struct scenario_result){.scenario = scenario, .record = ""};
     name_case(scenario, ", every expectation can fail", "", result);
 
-    /* At least one mutation must make each expectation fail */
+    /* Each expectation must fail in at least one mutation */
     for (size_t i = 0; i < scenario->nexpectation; i++) {
         bool fails = false;
 

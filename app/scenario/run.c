@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs a scenario once: the rig, a host, and an observer that is called once per tick. */
+/* Runs a scenario once. It creates the rig and a host, and observes each tick. */
 #include "app/scenario/private.h"
 
 #include "app/scenario/program.h"
@@ -17,12 +17,12 @@
 
 /* Maximum number of frames received in one call. */
 enum { BATCH = 64 };
-enum { DONE_PATIENCE_NS = 1000000000 }; /* longest wall-clock wait for a DONE to be sent */
+enum { DONE_PATIENCE_NS = 1000000000 }; /* timeout for sending a DONE, wall-clock time */
 
 /* Reserved address space of a run, bytes; unused pages cost nothing. */
 #define MEMORY ((size_t)1 << 30)
 
-/* A run under way. */
+/* State of a run. */
 struct run {
     struct scenario *scenario;
     struct scenario_view view;
@@ -32,21 +32,21 @@ struct run {
     struct bus_ports ports, host_ports;
     struct clock *wall;
     int64_t last_ns, duration_ns;
-    bool has_host;          /* our own host takes part */
-    bool starts;            /* ... and switches the motors on */
+    bool has_host;          /* the runner's own host takes part */
+    bool starts;            /* this host switches the motors on */
     bool to_the_end, early; /* continue after a failure; the run ended at a failure */
     int64_t stepped_ns;     /* wall-clock time of the last tick in lockstep */
     struct scenario_program program;
-    /* number of DONE frames so far; number of them passed to the program */
+    /* number of DONE frames observed, and of DONE frames passed to the program */
     uint64_t dones, released;
     uint64_t mismatches; /* number of STEP frames refused so far */
-    char broken[128];    /* how the program ended before the run, "" = it still runs */
+    char broken[128];    /* why the program or its STEP frames stopped; "" = they did not */
     struct bus_frame batch[BATCH];
 };
 
-/* ---- once a tick ---- */
+/* ---- once per tick ---- */
 
-/* Counts the DONE frames for which a program waits. */
+/* Counts DONE frames. A program waits for a DONE after each of its STEP frames. */
 static void observe_done(struct run *run, size_t bus, const struct bus_frame *frame)
 {
     const struct loop_lockstep *lockstep = &run->view.rig->lockstep;
@@ -93,7 +93,7 @@ static bool motors_are_all_on(const struct run *run)
     return on >= run->view.rig->naxis;
 }
 
-/* Sets the labels ready and clean_up at their times. */
+/* Sets the labels `ready` and `clean_up` when they happen. */
 static void set_labels(struct run *run, int64_t time_ns)
 {
     int64_t *label = run->clock.label_ns;
@@ -107,9 +107,8 @@ static void set_labels(struct run *run, int64_t time_ns)
     }
 }
 
-/* Passes the DONE of its STEP, already observed, to the program, and waits until it is sent. So in
- * each run, frames of the program belong to the next tick, and so do frames of stimuli, which
- * follow that DONE. */
+/* Passes an observed DONE to the program, and waits until it is sent. Frames that the program sends
+ * afterwards, and frames of stimuli, then belong to the next tick in every run. */
 static void scenario_run_release_program(struct run *run, struct gateway *gateway)
 {
     const struct timespec pause = {.tv_nsec = 10000};
@@ -122,8 +121,8 @@ static void scenario_run_release_program(struct run *run, struct gateway *gatewa
     }
 }
 
-/* Ends a run in lockstep without a next STEP: the program has ended, or the wall-clock limit has
- * passed. */
+/* Ends a run in lockstep that gets no more STEP frames: the program has ended, or the wall-clock
+ * limit has passed. */
 static void scenario_run_watch_steps(struct run *run)
 {
     const double limit_s = run->scenario->wall_limit_s;
@@ -137,8 +136,7 @@ static void scenario_run_watch_steps(struct run *run)
     }
 }
 
-/* Lets a program continue: after a DONE, or after a STEP that is refused and answered without a
- * tick. */
+/* Lets the program continue after a DONE, or after a refused STEP, which causes no tick. */
 static void scenario_run_program(struct run *run)
 {
     struct gateway *gateway = simulator_gateway(run->view.simulator);
@@ -155,8 +153,8 @@ static void scenario_run_program(struct run *run)
     }
 }
 
-/* Judges the tick that ended at time_ns, after its frames and events, and executes stimuli; ends
- * the run at a failure. */
+/* Judges the tick that ended at time_ns, and executes stimuli. Ends the run at a failure. The
+ * tick's frames and events must have been observed. */
 static void scenario_run_judge_tick(struct run *run, int64_t time_ns)
 {
     set_labels(run, time_ns);
@@ -168,7 +166,7 @@ static void scenario_run_judge_tick(struct run *run, int64_t time_ns)
     }
 }
 
-/* Lets the host start the boards and send, unless a stimulus silences it. */
+/* Lets the host start the boards and send frames, unless a stimulus silences it. */
 static void scenario_run_host(struct run *run)
 {
     if (run->starts && run->view.host_phase < HOST_READY) {
@@ -179,7 +177,8 @@ static void scenario_run_host(struct run *run)
     }
 }
 
-/* Observes and acts; called once per tick, and again while lockstep waits. */
+/* Handles a tick: observes, judges and acts. The loop calls it once per tick, and repeatedly while
+ * lockstep waits for a STEP. */
 static void scenario_run_step(void *context, int64_t time_ns)
 {
     struct run *run = context;
@@ -196,7 +195,7 @@ static void scenario_run_step(void *context, int64_t time_ns)
         scenario_run_watch_steps(run);
     }
 
-    /* Only in lockstep the host waits for DONE */
+    /* In lockstep, the host waits for DONE */
     if (run->has_host && !host_receive(run->view.host, time_ns)) {
         host_repeat_step(run->view.host, clock_now(run->wall));
         return;
@@ -254,8 +253,8 @@ static uint64_t scenario_run_ticks(const struct run *run)
     return (uint64_t)ceil(length_s * 1e9 / (double)run->view.rig->tick_ns - 1e-6);
 }
 
-/* Decides whether the run needs our own host: to switch the motors on, or to send STEP in lockstep
- * if no other participant does. */
+/* Decides whether the runner needs its own host. The host switches the motors on, or sends STEP in
+ * lockstep if no other participant does. */
 static void scenario_run_find_host(struct run *run)
 {
     const struct scenario *scenario = run->scenario;
@@ -265,7 +264,7 @@ static void scenario_run_find_host(struct run *run)
                                     scenario->host != SCENARIO_HOST_PROGRAM);
 }
 
-/* Creates the simulator on local buses, and joins them. */
+/* Creates the simulator on local buses, and joins the buses. */
 static enum error_code create_simulator(struct run *run, const struct scenario_options *options,
                                         const struct simulator_observer *observer,
                                         const char **fault, size_t nfault, struct arena *arena,
@@ -297,7 +296,7 @@ static enum error_code create_simulator(struct run *run, const struct scenario_o
     char notice[256];
     enum error_code code = simulator_create(&config, arena, &run->view.simulator, notice, error);
 
-    /* Joins with ports to observe and send frames, and with ports of the host */
+    /* Join with ports to observe and send frames, and with ports for the host */
     code = code ? code : simulator_join(run->view.simulator, &run->ports, error);
     return code || !run->has_host ? code
                                   : simulator_join(run->view.simulator, &run->host_ports, error);
@@ -318,7 +317,7 @@ static enum error_code scenario_run_create(struct run *run, const struct scenari
         return error_set(error, ERROR_MEMORY, "no memory left for a scenario");
     }
 
-    /* The rig first, because names, ticks and buses depend on it */
+    /* Load the rig first, because names, ticks and buses depend on it */
     scenario_run_find_host(run);
     if ((code = load_rig(run, arena, error)) ||
         (code = scenario_stimuli_create(scenario, options->mutation, arena, &run->stimuli, fault,
@@ -334,7 +333,7 @@ static enum error_code scenario_run_create(struct run *run, const struct scenari
 
 /* ---- the run ---- */
 
-/* Writes the scenario and the values of its parameters for the summary; they determine the rig. */
+/* Writes the scenario and the values of its parameters to the summary. They determine the rig. */
 static void scenario_run_put_origin(const void *context, FILE *out)
 {
     const struct scenario *scenario = context;
@@ -384,7 +383,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     int64_t planned_ns = (int64_t)scenario_run_ticks(run) * run->view.rig->tick_ns;
     struct error error;
 
-    /* Frames and events of the last tick are not judged yet */
+    /* Judge the frames and events of the last tick */
     observe_frames(run);
     observe_events(run);
     if (run->has_host) {
@@ -394,7 +393,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
         scenario_run_judge_tick(run, time_ns);
     }
 
-    /* The verdicts, and data that identify the run */
+    /* Fill in the verdicts, and the data that identify the run */
     scenario_expectations_finish(run->expectations, &run->clock, time_ns, planned_ns, run->early,
                                  outcome);
     outcome->ran = true;
@@ -403,7 +402,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     outcome->seed = faults_seed(simulator_faults(simulator));
     outcome->state_hash = plant_hash(simulator_plant(simulator));
 
-    /* A failure of the program or the model makes the verdicts invalid; a recording failure does
+    /* A failure of the program or the model makes the verdicts invalid. A failed recording does
      * not */
     if (run->broken[0]) {
         outcome->ran = false;
@@ -422,7 +421,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     }
 }
 
-/* Creates, runs and destroys a simulator; the outcome is complete unless an error is returned. */
+/* Creates, runs and destroys a simulator. The outcome is complete if no error is returned. */
 static enum error_code scenario_run_in_arena(struct run *run,
                                              const struct scenario_options *options,
                                              struct arena *arena, struct scenario_outcome *outcome,
@@ -470,7 +469,7 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
         return;
     }
 
-    /* Only the label start has a time yet */
+    /* At the beginning, only the label `start` has a time */
     run->scenario = scenario;
     run->wall = wall;
     run->stepped_ns = begin;
@@ -481,8 +480,8 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
     }
     run->clock.label_ns[SCENARIO_LABEL_START] = 0;
 
-    /* The run's arena owns all memory except solids: the rig and its simulator share them, also
-     * with the other cases of a sweep */
+    /* The run's arena owns all memory except the solids. Rig and simulator share the solids with
+     * the other cases of a sweep */
     code = solid_store_open(&error);
     code = code ? code : arena_init(&arena, MEMORY, &error);
     if (!code) {
@@ -493,8 +492,8 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
     if (code) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "%.250s", error.text);
-        /* With a recorder, the files of the recording are the first things that the system may
-         * refuse, so this error means that recording failed */
+        /* With a recorder, ERROR_SYSTEM means that the files of the recording could not be created,
+         * because they are the first system resources of a run */
         if (options->record && code == ERROR_SYSTEM) {
             snprintf(outcome->unrecorded, sizeof outcome->unrecorded, "%.200s", error.text);
         }

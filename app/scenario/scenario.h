@@ -1,21 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Scenarios: tests of a rig with a verdict, as files (config/scenarios/). A scenario names a rig
- * and its start, stimuli (frames, voltages, faults, pushes) and expectations (signals in a band,
- * frames and log lines in time or never). It is read once for each combination of its parameters,
- * and run in virtual time. A run that does not end by itself is ended by a limit of processor time
- * and, in lockstep, by a long wall-clock limit for the next STEP.
+ * Scenarios: test files for a rig, which give a verdict (config/scenarios/). A scenario names a
+ * rig, its start, stimuli and expectations. Stimuli are frames, voltages, faults and pushes.
+ * Expectations require that a signal is in a band, or that a frame or a log line appears in time or
+ * never. The file gives one scenario for each combination of its parameters. Scenarios run in
+ * virtual time. A run that does not end is ended by a limit of processor time. In lockstep, there
+ * is also a long wall-clock limit for the next STEP.
  *
- * A run ends at the first failed expectation, unless it is mutated or an option says otherwise.
- * Expectations that are still open then are not judged.
+ * A run ends at the first failed expectation, except with a mutation or the option to_the_end.
+ * Expectations without a decision at that time are not judged.
  *
- * Time. All times are relative to a label, by default "start", virtual time 0. The runner sets
- * "start", "ready" (the host's start-up is complete, or all motors are on), "clean_up" (duration_s)
- * and the labels of stimuli, each at the moment it first happens.
+ * Time. All times are relative to a label. The default label is "start", virtual time 0. The runner
+ * sets "ready" when the host's start-up is complete or all motors are on, and "clean_up" at
+ * duration_s. It sets the label of a stimulus when a stimulus with this label first acts.
  *
- * Mutations. A scenario declares changes that must make it fail. A mutation adds a fault or omits
- * stimuli, and names the expectations that must then fail. If each expectation fails under some
- * mutation, each expectation has been shown to detect a fault. Not RT-safe.
+ * Mutations. A mutation is a change that must make the scenario fail. It adds a fault or omits
+ * stimuli, and names the expectations that must then fail. If each expectation fails in at least
+ * one mutation, each expectation can detect a fault. Not RT-safe.
  */
 #ifndef APP_SCENARIO_SCENARIO_H
 #define APP_SCENARIO_SCENARIO_H
@@ -128,16 +129,16 @@ enum scenario_look {
     SCENARIO_BETWEEN, /* each sample in the window is within the band */
     SCENARIO_REACHES, /* at least one sample in the window is within the band */
     SCENARIO_SEEN,    /* frames or events: their number in the window is within the band */
-    /* Frames: the time between two frames, and from the window's edges, is within the band */
+    /* frames: each gap between frames, and to the window's edges, is within the band */
     SCENARIO_PERIOD,
 };
 
-/* A behavior of the rig that is required in a window of time. */
+/* A required behavior of the rig in a window of time. */
 struct scenario_expectation {
     struct yaml_mark mark;
     const char *name, *after;
     double from_s, to_s, within_s;
-    const char *signal, *event; /* exactly one of these or frame; NULL = not given */
+    const char *signal, *event; /* NULL = not given; exactly one of signal, event, frame is given */
     double between[2], reaches[2], count[2], period_s[2];
     bool relative; /* values are relative to the signal's value when the window opens */
     bool never;
@@ -155,7 +156,7 @@ struct scenario_mutation {
     const char *fault;
     const char *without; /* label of the stimuli that are omitted */
     size_t nfail;
-    const struct yaml_name *fails; /* names of expectations that must fail; none = any one */
+    const struct yaml_name *fails; /* expectations that must fail; empty = at least one, any */
 };
 
 /* A parameter: numbers or words, not both. */
@@ -172,7 +173,7 @@ struct scenario_value {
     const char *name, *text;
 };
 
-/* A scenario as read, in one combination of its parameters. */
+/* A scenario of the file, with one combination of the parameters' values. */
 struct scenario {
     struct yaml_mark mark;
     const char *file, *name, *description;
@@ -186,7 +187,7 @@ struct scenario {
     const char *task;
     size_t nfault, nstimulus, ncleanup, nexpectation, nmutation, nparameter;
     struct yaml_name *fault;
-    struct scenario_stimulus *stimulus; /* derived: stimuli of clean_up are appended */
+    struct scenario_stimulus *stimulus; /* the stimuli of clean_up are appended */
     struct scenario_stimulus *clean_up;
     struct scenario_expectation *expectation;
     struct scenario_mutation *mutation;
@@ -199,7 +200,7 @@ struct scenario {
     char values[SCENARIO_TEXT]; /* values of the parameters in this case: "a=1, b=2" or "" */
     size_t nvalue;
     const struct scenario_value *value; /* the same values, in the file's order */
-    /* Text of a rig file that extends the rig by the changes; NULL = the rig itself */
+    /* text of a rig file that extends the rig with the changes; NULL = no changes */
     const char *changes;
     size_t changes_size;
     uint64_t text_hash; /* hash of the file with the parameters' values inserted */
@@ -207,19 +208,19 @@ struct scenario {
 
 enum { SCENARIO_LABEL_START, SCENARIO_LABEL_READY, SCENARIO_LABEL_CLEAN_UP, SCENARIO_LABELS };
 
-/* Reads a file and makes one scenario per combination of its parameters; the last parameter
- * varies fastest. Errors begin with file:line:column. scenario_bind checks names of the rig.
- * Not RT-safe. */
+/* Reads a file and makes one scenario per combination of its parameters. The last parameter varies
+ * fastest. Error messages begin with file:line:column. Names of the rig are checked later, by
+ * scenario_bind. Not RT-safe. */
 enum error_code scenario_read(const char *path, struct arena *arena, struct scenario **cases,
                               size_t *count, struct error *error);
 
-/* Reads a file with given values instead of its own, one for each named parameter. Returns
- * ERROR_INPUT if the file has no such parameter. */
+/* Like scenario_read, but each given value replaces the file's values of its parameter. Returns
+ * ERROR_INPUT if the file does not have the parameter. */
 enum error_code scenario_read_with(const char *path, const struct scenario_value *given,
                                    size_t ngiven, struct arena *arena, struct scenario **cases,
                                    size_t *count, struct error *error);
 
-/* Reads a scenario from memory, otherwise like scenario_read. */
+/* Like scenario_read, but reads the text from memory. */
 enum error_code scenario_read_text(const char *name, const char *text, size_t size,
                                    struct arena *arena, struct scenario **cases, size_t *count,
                                    struct error *error);
@@ -245,17 +246,17 @@ bool scenario_pattern_matches(const struct scenario_pattern *pattern,
 /* The verdict on one expectation. */
 struct scenario_verdict {
     bool met;
-    bool judged;     /* false: the run ended at another failure before the decision */
-    int64_t time_ns; /* virtual time of the decision; -1 = never */
-    bool has_margin; /* for a signal that must stay between two bounds */
-    /* smallest distance from a bound, as a share of the distance between the bounds */
+    bool judged;     /* false: the run ended before the decision, at another failure */
+    int64_t time_ns; /* virtual time of the decision; -1 = no decision */
+    bool has_margin; /* true for a signal that must stay between two bounds */
+    /* smallest distance from a bound, divided by the distance between the bounds */
     double margin;
     char text[SCENARIO_TEXT]; /* found and expected values of a failed expectation */
 };
 
 /* The outcome of a run. */
 struct scenario_outcome {
-    bool ran; /* false: there are no verdicts, and text gives the reason */
+    bool ran; /* false: no verdicts; text has the reason */
     char text[SCENARIO_TEXT];
     char unrecorded[SCENARIO_TEXT]; /* reason for a missing or incomplete recording; "" = none */
     size_t nverdict;
@@ -265,14 +266,15 @@ struct scenario_outcome {
     int64_t virtual_ns, wall_ns;
 };
 
-/* Differences of a run from its scenario. */
+/* Options of a run. */
 struct scenario_options {
     int mutation; /* index of a mutation, -1 = none */
     bool seed_given;
     uint64_t seed;
     bool to_the_end;     /* continue after a failed expectation */
     const char *program; /* command of host: program; NULL = none */
-    /* Folder for the program's log, passed in its environment; NULL = that of record */
+    /* working folder of the program, named in its environment. Without record, it also has the
+     * program's log. NULL = none */
     const char *scratch;
     /* directory for the recording and the plots of failed expectations; NULL = none */
     const char *record;
@@ -285,8 +287,8 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
 /* Checks whether every expectation was met. */
 bool scenario_passed(const struct scenario_outcome *outcome);
 
-/* Checks whether a mutated run failed as the mutation requires. *missed is the expectation that
- * was met anyway, or "" if any failure would have been enough. */
+/* Checks whether a run failed as its mutation requires. If a named expectation did not fail,
+ * *missed receives its name. Otherwise *missed is "". */
 bool scenario_flipped(const struct scenario *scenario, size_t mutation,
                       const struct scenario_outcome *outcome, const char **missed);
 

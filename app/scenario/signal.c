@@ -11,7 +11,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Longest part of a name, and maximum number of names of one kind in a rig. */
+/* Limits: parts of a signal's name, bytes of a part, and names of one kind in a rig. */
 enum { PARTS_MAX = 4, PART_SIZE = 64, NAMES_MAX = 128 };
 
 /* ---- quantities ---- */
@@ -39,7 +39,7 @@ static const char *const boards_words[] = {"frames",   "foreign", "unknown",   "
                                            "timeouts", "trips",   "overflows", "fault"};
 static const char *const lockstep_words[] = {"steps", "mismatches", "malformed", "silences"};
 
-/* Returns a quantity of a joint, true or measured, in the order of joint_words. */
+/* Returns a quantity of a joint; word: index in joint_words. */
 static double joint_value(const struct motor_sense *motor, size_t word)
 {
     const double value[ARRAY_COUNT(joint_words)] = {motor->q,
@@ -57,7 +57,7 @@ static double joint_value(const struct motor_sense *motor, size_t word)
     return value[word];
 }
 
-/* Returns a component of a wrench, N or N m, in the order of wrench_words. */
+/* Returns a component of a wrench, N or N m; word: index in wrench_words. */
 static double wrench_value(const struct ft_sense *ft, size_t word)
 {
     return word < 3 ? ft->force_n[word] : ft->torque_nm[word - 3];
@@ -114,7 +114,7 @@ static double signal_read_host(const struct scenario_view *view, size_t a, size_
     return (double)view->host_phase;
 }
 
-/* Returns a coordinate of the base's pose in the world, m or 1, or its tilt from upright, rad. */
+/* Returns a component of the base's position (m) or quaternion, or the base's tilt (rad). */
 static double signal_read_base(const struct scenario_view *view, size_t a, size_t word)
 {
     size_t count;
@@ -193,7 +193,7 @@ static double largest_tec(const struct scenario_view *view, const struct wire *w
     return (double)largest;
 }
 
-/* Returns a quantity of a bus with timing in virtual time; NAN for other buses. */
+/* Returns a quantity of a bus whose frames take virtual time; NAN for other buses. */
 static double signal_read_wire(const struct scenario_view *view, size_t bus, size_t word)
 {
     const struct wire *wire = simulator_wire(view->simulator, bus);
@@ -222,7 +222,7 @@ static double signal_read_wire(const struct scenario_view *view, size_t bus, siz
                        : (double)stats.queued_peak;
 }
 
-/* Returns a counter or the state of a bus's port, or a quantity of its wire. */
+/* Returns a quantity of a bus: a counter or the state of its port, or a quantity of its wire. */
 static double signal_read_bus(const struct scenario_view *view, size_t bus, size_t word)
 {
     const struct can_port *port = simulator_port(view->simulator, bus);
@@ -233,7 +233,7 @@ static double signal_read_bus(const struct scenario_view *view, size_t bus, size
     return word < ARRAY_COUNT(value) ? value[word] : signal_read_wire(view, bus, word);
 }
 
-/* Returns a counter of the boards, or their fault bits. */
+/* Returns a counter of the boards, or the boards' fault bits. */
 static double signal_read_boards(const struct scenario_view *view, size_t a, size_t word)
 {
     struct boards_counters counters;
@@ -264,7 +264,7 @@ static double signal_read_lockstep(const struct scenario_view *view, size_t a, s
 
 /* ---- names ---- */
 
-/* Return the name with an index, NULL behind the last one. */
+/* Return the name with index i; NULL after the last name. */
 
 static const char *signal_joint_name(const struct rig *rig, size_t i)
 {
@@ -296,7 +296,7 @@ static const char *signal_bus_name(const struct rig *rig, size_t i)
     return i < rig->nbus ? rig->bus[i].name : NULL;
 }
 
-/* Lists names of a rig, at most NAMES_MAX; returns their number. */
+/* Lists the names of one kind, at most NAMES_MAX. Returns the number of names. */
 static size_t signal_list_names(const struct rig *rig,
                                 const char *(*name_at)(const struct rig *rig, size_t i),
                                 const char *name[NAMES_MAX])
@@ -309,8 +309,8 @@ static size_t signal_list_names(const struct rig *rig,
     return count;
 }
 
-/* Form of a name, PREFIX.NAME.WORD. An empty prefix is omitted, and so is NAME in forms without
- * names. Forms with longer prefixes come first. */
+/* The forms of signal names: PREFIX.NAME.WORD. An empty prefix is omitted. Forms without names omit
+ * NAME. Forms with longer prefixes come first. */
 static const struct form {
     const char *prefix;
     const char *(*name)(const struct rig *rig, size_t i);
@@ -355,7 +355,7 @@ static bool signal_find_word(const char *const *word, size_t count, const char *
     return false;
 }
 
-/* Splits a name into PREFIX.middle.WORD of a form; returns false if it does not match. */
+/* Splits a name into PREFIX.middle.WORD. Returns false if it does not match the form. */
 static bool signal_fits_form(const struct form *form, const char *name, char middle[PART_SIZE],
                              const char **word)
 {
@@ -381,7 +381,7 @@ static bool signal_fits_form(const struct form *form, const char *name, char mid
     return true;
 }
 
-/* Refuses a signal with an unknown part, and suggests the nearest word. */
+/* Reports a signal with an unknown part, and suggests the nearest word. */
 static enum error_code signal_unknown(const char *name, const char *part, const char *const *words,
                                       size_t count, const struct yaml_mark *mark,
                                       struct error *error)
@@ -403,7 +403,7 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
     char unknown[PART_SIZE];
     size_t count = 0;
 
-    /* Longer prefixes come first in the table, so that measured.ft is not read as a joint "ft" */
+    /* Longer prefixes come first in the table, so that measured.ft does not match a joint "ft" */
     for (size_t i = 0; i < ARRAY_COUNT(forms); i++) {
         const struct form *form = &forms[i];
         size_t n = 0, a = 0, b;
@@ -420,7 +420,7 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
                               name);
         }
 
-        /* The name must exist in the rig, and the quantity in the form */
+        /* The rig must have the name, and the form must have the quantity */
         if (!form->name || signal_find_word(names, n, middle, &a)) {
             if (signal_find_word(form->word, form->nword, word, &b)) {
                 *signal = (struct scenario_signal){form->read, a, b, form->host};
@@ -435,8 +435,8 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
         }
     }
 
-    /* The error describes the last form that matched; else the first one that matched except for
-     * the name; else a joint */
+    /* Choose the form for the error message: the last form that matched. Without a match, the first
+     * form with only an unknown name. Otherwise, a joint */
     if (words) {
         return signal_unknown(name, part, words, count, mark, error);
     }

@@ -5,13 +5,13 @@
 #include <stdio.h>
 #include <string.h>
 
-static const double REFRESH_S = 0.01; /* period with which a voltage is set again */
+static const double REFRESH_S = 0.01; /* period at which a voltage is set again */
 
 /* Progress of one stimulus. */
 struct state {
-    bool left_out; /* the mutation omits it */
+    bool left_out; /* the mutation omits this stimulus */
     bool begun, over;
-    int64_t begin_ns, next_ns; /* time of its start; time of its next action */
+    int64_t begin_ns, next_ns; /* time of the start; time of the next action */
     int fault;                 /* index among the simulator's faults, -1 = not known yet */
 };
 
@@ -21,7 +21,7 @@ struct scenario_stimuli {
     bool silence;
 };
 
-/* Writes the name of a stimulus's fault in the simulator. */
+/* Writes the name that the simulator uses for a stimulus's fault. */
 static void fault_name(size_t stimulus, char name[32])
 {
     snprintf(name, 32, "stimulus-%zu", stimulus + 1);
@@ -45,7 +45,8 @@ enum error_code scenario_stimuli_create(const struct scenario *scenario, int mut
     struct scenario_stimuli *stimuli = arena_alloc(arena, 1, sizeof *stimuli);
     bool good = stimuli != NULL;
 
-    /* Faults of the scenario, of stimuli (switched by the stimuli), and of the mutation */
+    /* Collect the faults of the scenario, of stimuli, and of the mutation. Stimuli switch their
+     * faults on and off */
     *nfault = 0;
     for (size_t i = 0; i < scenario->nfault; i++) {
         fault[(*nfault)++] = scenario->fault[i].name;
@@ -115,7 +116,7 @@ static void stimulus_push(const struct scenario_push *what, const struct scenari
                    on ? what->moment_nm : none);
 }
 
-/* Executes a stimulus, for the first time or again. */
+/* Executes the action of a stimulus, also when it is repeated. */
 static void stimulus_act(struct scenario_stimuli *stimuli, size_t index,
                          const struct scenario_view *view, const struct bus_ports *ports,
                          int64_t time_ns)
@@ -170,8 +171,8 @@ static int64_t period_ns(const struct scenario_stimulus *stimulus)
                                                   : 0;
 }
 
-/* Starts or continues a stimulus; returns true if it started, because its label may start another
- * one. */
+/* Starts or continues a stimulus. Returns true if it started, because its label may start another
+ * stimulus. */
 static bool stimulus_step(struct scenario_stimuli *stimuli, size_t index,
                           const struct scenario_view *view, const struct bus_ports *ports,
                           struct scenario_clock *clock, int64_t time_ns)
@@ -194,7 +195,7 @@ static bool stimulus_step(struct scenario_stimuli *stimuli, size_t index,
         }
     }
 
-    /* Ends it after its duration; acts at its start, and again after each period */
+    /* End after the duration; act at the start, and again after each period */
     if (stimulus->for_s > 0.0 && time_ns >= state->begin_ns + scenario_ns(stimulus->for_s)) {
         stimulus_end(stimuli, index, view, time_ns);
     } else if (begins || (period_ns(stimulus) && time_ns >= state->next_ns)) {
@@ -211,7 +212,7 @@ void scenario_stimuli_step(struct scenario_stimuli *stimuli, const struct scenar
 {
     bool again = true;
 
-    /* A label set in this tick may start a stimulus earlier in the list: repeats until none
+    /* A label of this tick may start a stimulus that is earlier in the list: repeat until none
      * starts */
     stimuli->silence = false;
     for (size_t round = 0; again && round <= stimuli->scenario->nstimulus; round++) {
