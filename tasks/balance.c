@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The balance controller: distributes the load to the feet, computes the motors' references, ramps
- * into the posture, and runs the control periods. */
+/* The balance controller. It distributes the load to the feet, computes the motors' references,
+ * moves into the posture, and runs the control periods. */
 #include "tasks/balance.h"
 
 #include "base/portable_math.h"
@@ -14,25 +14,25 @@
 #define SETTLE_S 0.5 /* wait after the ramp, until the springs are at rest */
 #define LOAD_S 0.3   /* duration in which the motors take over the weight */
 
-/* Largest round trip of the buses plus a loop period for which the configured gains are used */
+/* Longest dead time (bus round trip plus loop period) for which the configured gains apply, ns */
 #define ROUND_TRIP_NS 2e6
 
 #define FOOT_S 0.15  /* time constant with which a landed foot's target moves to its place */
-#define STOP_S 0.03  /* the same for its height; shorter, because the foot is on the ground */
+#define STOP_S 0.03  /* time constant of a landed foot's height, short because of ground contact */
 #define SWING_S 0.01 /* time constant with which a foot in the air follows the plan */
 #define RATE_S 0.004 /* time constant of the filter of the references' rates */
 #define KNEE_MIN 0.15
 #define KNEE_MAX 1.9
 
 struct balance_leg {
-    /* link by enum leg_joint; links from the pelvis to the foot */
+    /* links by enum leg_joint; links in the order from the pelvis to the foot */
     int link[LEG_JOINTS], chain[LEG_JOINTS];
     size_t axis[LEG_JOINTS];
     struct leg_geometry geometry;
     double inertia_kg_m2;      /* inertia of the leg about its hip, in the posture */
     double sole_m[3];          /* origin of the sole in the foot's frame */
     struct gait_foothold foot; /* target of the sole */
-    double touched_s;          /* time since it carries load */
+    double touched_s;          /* time for which the foot has carried load */
     double turn[2];            /* compliant tilt of the foot: roll, pitch, rad */
     double stretch_m;          /* compliant length of the leg */
     double cop_m[2];           /* desired center of pressure in the sole's frame */
@@ -77,7 +77,7 @@ static void balance_measure(struct balance *balance, struct gait_measured *measu
         double turns = round((balance->gait.now.yaw - foot->yaw_rad) / (2 * M_PI));
 
         leg->touched_s = foot->force_n[2] > balance->config.touch_n ? leg->touched_s + dt_s : 0;
-        /* The yaw is unwrapped to the turn of the plan's yaw */
+        /* Unwrap the yaw to within half a turn of the planned yaw */
         measured->foot[i] = (struct gait_foothold){
             .p = {foot->anchor[0], foot->anchor[1], foot->anchor[2]},
             .yaw = foot->yaw_rad + 2 * M_PI * turns,
@@ -86,8 +86,8 @@ static void balance_measure(struct balance *balance, struct gait_measured *measu
         };
         measured->touches[i] = leg->touched_s > balance->config.touch_s;
         measured->force_n[i] = foot->force_n[2];
-        /* A flat sole carries load, and its center of pressure is inside its edges. On a sole that
-         * stands on an edge, the center of pressure is at this edge */
+        /* A sole counts as flat if it carries load and its center of pressure is inside its edges.
+         * If a sole stands on an edge, the center of pressure is at this edge */
         measured->flat[i] = foot->force_n[2] > balance->config.flat_n &&
                             foot->cop_m[0] < gait->sole_front_m - gait->sole_margin_m &&
                             foot->cop_m[0] > gait->sole_back_m + gait->sole_margin_m &&
@@ -99,8 +99,9 @@ static void balance_measure(struct balance *balance, struct gait_measured *measu
     }
 }
 
-/* Distributes the desired zero-moment point to the feet. Along the line between them, it sets the
- * shares of the weight; across the line, the centers of pressure. Limits each to its sole. */
+/* Distributes the desired zero-moment point to the feet. The position along the line between the
+ * feet gives the shares of the weight. The position across the line gives the centers of pressure,
+ * which are limited to the soles. */
 static void balance_share(struct balance *balance)
 {
     const struct balance_config *config = &balance->config;
@@ -108,13 +109,13 @@ static void balance_share(struct balance *balance)
     double at[BODY_SIDES][2], line[2], left = plan->share[BODY_LEFT], rest[2];
     double side_m = config->gait.sole_side_m - config->gait.sole_margin_m;
 
-    /* The line from the right foot's zero-moment point to the left one's */
+    /* Compute the line from the right foot's to the left foot's zero-moment point */
     for (int i = 0; i < BODY_SIDES; i++) {
         gait_foot_zmp(&balance->gait, i, &plan->foot[i], at[i]);
     }
     line[0] = at[BODY_LEFT][0] - at[BODY_RIGHT][0];
     line[1] = at[BODY_LEFT][1] - at[BODY_RIGHT][1];
-    /* Both feet stand: project the desired point onto the line */
+    /* With both feet on the ground, project the desired point onto the line */
     if (plan->phase != GAIT_SWING) {
         left = ((balance->zmp[0] - at[BODY_RIGHT][0]) * line[0] +
                 (balance->zmp[1] - at[BODY_RIGHT][1]) * line[1]) /
@@ -123,7 +124,7 @@ static void balance_share(struct balance *balance)
     }
     balance->leg[BODY_LEFT].weight = left;
     balance->leg[BODY_RIGHT].weight = 1 - left;
-    /* The remainder is across the line: both feet move their center of pressure by it */
+    /* Move both centers of pressure by the remainder, which is across the line */
     for (int k = 0; k < 2; k++) {
         rest[k] = balance->zmp[k] - (at[BODY_RIGHT][k] + left * line[k]);
     }
@@ -140,14 +141,14 @@ static void balance_share(struct balance *balance)
     }
 }
 
-/* Makes the feet compliant. Integrates moment errors into tilts of the soles, and the error of the
- * force difference into leg lengths, both with a leak. */
+/* Makes the feet compliant with leaky integrators: moment errors tilt the soles, and the error of
+ * the force difference changes the leg lengths. */
 static void balance_yield(struct balance *balance, double dt_s)
 {
     const struct balance_config *config = &balance->config;
     const struct estimate *estimate = estimator_read(balance->estimator);
     double weight = balance->model->mass_kg * balance->model->gravity_m_s2;
-    /* Error of the difference of the vertical forces, left minus right, N */
+    /* Error of the vertical force difference, left minus right, N */
     double difference =
         weight * (balance->leg[BODY_LEFT].weight - balance->leg[BODY_RIGHT].weight) -
         (estimate->foot[BODY_LEFT].force_n[2] - estimate->foot[BODY_RIGHT].force_n[2]);
@@ -166,7 +167,7 @@ static void balance_yield(struct balance *balance, double dt_s)
         leg->turn[0] = leg->turn[0] * leak + roll * force * (foot->cop_m[1] - leg->cop_m[1]) * dt_s;
         leg->turn[1] =
             leg->turn[1] * leak - pitch * force * (foot->cop_m[0] - leg->cop_m[0]) * dt_s;
-        /* Limits of 0.2 rad and 0.03 m keep the legs within reach */
+        /* Limit tilt to 0.2 rad and length to 0.03 m, so that the legs stay within reach */
         for (int k = 0; k < 2; k++) {
             leg->turn[k] = fmin(fmax(leg->turn[k], -0.2), 0.2);
         }
@@ -178,8 +179,8 @@ static void balance_yield(struct balance *balance, double dt_s)
     }
 }
 
-/* Moves the target of a foot toward the plan. A foot that landed elsewhere moves there within
- * FOOT_S, because a jump would press the legs against each other. */
+/* Moves the target of a foot toward the plan. If the foot has landed elsewhere, the target moves
+ * with the time constant FOOT_S, because a jump would press the legs against each other. */
 static void balance_target_foot(struct balance *balance, int side, double dt_s)
 {
     const struct gait_reference *plan = &balance->gait.now;
@@ -201,8 +202,8 @@ static void balance_target_foot(struct balance *balance, int side, double dt_s)
 
 /* ---- the joints ---- */
 
-/* Computes the joint angles of a leg from the poses of pelvis and sole in the world. Returns false,
- * with the nearest angles, when the sole is out of reach. */
+/* Computes the joint angles of a leg from the poses of pelvis and sole in the world. Returns false
+ * if the sole is out of reach; the angles are then the nearest possible. */
 static bool balance_leg_angles(const struct balance_leg *leg, const double pelvis_R[9],
                                const double pelvis_p[3], const double sole_R[9],
                                const double sole_p[3], double angle[LEG_JOINTS])
@@ -219,8 +220,8 @@ static bool balance_leg_angles(const struct balance_leg *leg, const double pelvi
     return leg_inverse(&leg->geometry, &foot, KNEE_MIN, KNEE_MAX, angle);
 }
 
-/* Computes the vector from the pelvis to the center of mass at the reference angles, in a frame
- * turned by R. */
+/* Computes the vector from the pelvis to the center of mass at the reference angles. R: rotation of
+ * the pelvis in the frame of the result. */
 static void balance_com_offset(struct balance *balance, const double R[9], double offset[3])
 {
     double com[3];
@@ -249,9 +250,9 @@ static void balance_pose_legs(struct balance *balance, double dt_s)
         balance_target_foot(balance, i, dt_s);
         ground += 0.5 * plan->foot[i].p[2];
     }
-    /* The error of the heading, in -pi to pi */
+    /* Wrap the error of the heading to -pi to pi */
     askew -= 2 * M_PI * round(askew / (2 * M_PI));
-    /* The pelvis's height follows the mean height of the planned footholds, smoothed */
+    /* Let the pelvis's height follow the smoothed mean height of the planned footholds */
     balance->pelvis_m[0] = plan->com[0] - offset[0];
     balance->pelvis_m[1] = plan->com[1] - offset[1];
     balance->ground_m += (ground - balance->ground_m) * dt_s / (config->height_s + dt_s);
@@ -259,13 +260,13 @@ static void balance_pose_legs(struct balance *balance, double dt_s)
 
     for (int i = 0; i < BODY_SIDES; i++) {
         struct balance_leg *leg = &balance->leg[i];
-        /* The smoothed load of the foot, 0 to 1; 1 = at least 30 % of the weight */
+        /* Load of the foot, 0 to 1; 1 = at least 30 % of the weight */
         double load = fmin(fmax(estimate->foot[i].force_n[2] / (0.3 * weight), 0), 1);
         double carries = leg->carries +=
             (load - leg->carries) * dt_s / (balance->config.carry_s + dt_s);
         double R[9], sole_R[9], sole_p[3], angle[LEG_JOINTS];
         /* A loaded leg uses the planned attitude of the pelvis, so that the foot corrects attitude
-         * errors. A leg in the air uses the measured one, so that the foot reaches its planned
+         * errors. A leg in the air uses the measured attitude, so that the foot reaches its planned
          * place */
         double led[3] = {(1 - carries) * error[0], config->lean_rad + (1 - carries) * error[1],
                          plan->yaw + (1 - carries) * askew};
@@ -274,7 +275,7 @@ static void balance_pose_legs(struct balance *balance, double dt_s)
         double pelvis[3];
 
         mat3_from_rpy(led, R);
-        /* The sole with its compliance (tilt and leg length) added */
+        /* Add the compliance to the sole's pose: tilt and leg length */
         mat3_from_rpy(sole, sole_R);
         memcpy(sole_p, leg->foot.p, sizeof sole_p);
         sole_p[2] -= leg->stretch_m;
@@ -288,7 +289,7 @@ static void balance_pose_legs(struct balance *balance, double dt_s)
 }
 
 /* Computes the static torques of the legs. Each foot carries its share of the weight at its desired
- * center of pressure, with a force along the line to the center of mass. */
+ * center of pressure. The force points to the center of mass. */
 static void balance_load_legs(struct balance *balance)
 {
     const struct estimate *estimate = estimator_read(balance->estimator);
@@ -303,12 +304,13 @@ static void balance_load_legs(struct balance *balance)
         struct body_pose sole;
         double point[3], force[3], world[3], cop[3] = {leg->cop_m[0], leg->cop_m[1], 0};
 
-        /* Point of the force: the desired center of pressure, in the pelvis's frame */
+        /* Point of force: the desired center of pressure, in the pelvis's frame */
         body_place_frame(&balance->model->sole[i], &balance->pose[leg->chain[LEG_JOINTS - 1]],
                          &sole);
         mat3_apply(sole.R, cop, point);
         vec3_add_scaled(point, 1, sole.p, point);
-        /* Force on the foot: its share of the weight, inclined like the pendulum, at most 0.2 */
+        /* Force on the foot: its share of the weight, inclined like the pendulum; slope at most
+         * 0.2 */
         for (int k = 0; k < 2; k++) {
             double lean = (estimate->com_m[k] - balance->zmp[k]) / balance->com_height_m;
 
@@ -316,7 +318,7 @@ static void balance_load_legs(struct balance *balance)
         }
         world[2] = leg->weight * weight;
         mat3_apply_transposed(R, world, force);
-        /* Each joint carries the links behind it in the chain */
+        /* Each joint carries the links from itself to the foot */
         for (int j = 0; j < LEG_JOINTS; j++) {
             leg->torque_nm[leg->geometry.chain[j]] =
                 body_static_torque(balance->model, balance->pose, leg->chain + j,
@@ -325,14 +327,14 @@ static void balance_load_legs(struct balance *balance)
     }
 }
 
-/* Sets the references of all motors: link angle plus the deflection of the spring under its load.
- * take: compensated fraction of the load; loose: fraction of the way from the initial pose; both 0
- * to 1. */
+/* Sets the references of all motors: link angle plus the spring's deflection under load. take: the
+ * fraction of the load that is compensated, 0 to 1. loose: the fraction of the way from the initial
+ * pose, 0 to 1. */
 static void balance_drive(struct balance *balance, double take, double loose, double dt_s)
 {
     const struct host_config *host = host_configuration(balance->host);
 
-    /* Joints outside the legs go to their angles without compensation */
+    /* Move joints outside the legs to their angles, without compensation */
     for (size_t i = 0; i < host->naxis; i++) {
         servo_set(balance->servo, i,
                   balance->from[i] + loose * (balance->angle[i] - balance->from[i]), 0);
@@ -348,7 +350,7 @@ static void balance_drive(struct balance *balance, double take, double loose, do
             double motor = link + load / host->axis[axis].drive.spring_nm_rad;
             double rate;
 
-            /* Ankles partly follow the measured angle, so that the sole adapts to the ground */
+            /* Let ankles partly follow the measured angle, so that the sole adapts to the ground */
             if (balance->ready && (j == LEG_ANKLE_ROLL || j == LEG_ANKLE_PITCH)) {
                 double follow = balance->config.ankle_follow * fmin(leg->weight / 0.3, 1);
 
@@ -367,8 +369,8 @@ static void balance_drive(struct balance *balance, double take, double loose, do
 
 /* ---- creation ---- */
 
-/* Computes the standing posture: center of mass above the middle of the soles. Returns false when
- * the legs cannot reach it. */
+/* Computes the standing posture, with the center of mass above the midpoint of the soles. Returns
+ * false if the legs cannot reach the posture. */
 static bool balance_find_posture(struct balance *balance)
 {
     const struct gait_config *gait = &balance->config.gait;
@@ -378,15 +380,15 @@ static bool balance_find_posture(struct balance *balance)
 
     mat3_from_rpy(rpy, R);
     mat3_identity(flat);
-    /* Fixed-point iteration, because the center of mass depends on the leg angles and these on the
-     * pelvis */
+    /* Iterate to a fixed point: the center of mass depends on the leg angles, the leg angles depend
+     * on the pelvis, and the pelvis depends on the center of mass */
     memcpy(balance->angle, balance->initial,
            host_configuration(balance->host)->naxis * sizeof *balance->angle);
     for (int round = 0; round < 30; round++) {
         balance_com_offset(balance, R, offset);
         pelvis[0] = gait->zmp_ahead_m - offset[0];
         pelvis[1] = -offset[1];
-        /* Joint angles that put both soles flat on the ground, width_m apart */
+        /* Compute joint angles for soles flat on the ground, width_m apart */
         for (int side = 0; side < BODY_SIDES; side++) {
             struct balance_leg *leg = &balance->leg[side];
             double sole[3] = {0, (side == BODY_LEFT ? 0.5 : -0.5) * gait->width_m, 0};
@@ -398,7 +400,7 @@ static bool balance_find_posture(struct balance *balance)
             }
         }
     }
-    /* Inertia of each leg about the pitch axis of its hip, with its links as point masses */
+    /* Compute each leg's inertia about the hip's pitch axis, with the links as point masses */
     for (int side = 0; side < BODY_SIDES; side++) {
         struct balance_leg *leg = &balance->leg[side];
 
@@ -413,7 +415,8 @@ static bool balance_find_posture(struct balance *balance)
             leg->inertia_kg_m2 += link->mass_kg * (arm[0] * arm[0] + arm[2] * arm[2]);
         }
     }
-    /* The posture defines the pendulum: height of the center of mass, omega = sqrt(g / height) */
+    /* Derive the pendulum from the posture: height of the center of mass, omega = sqrt(g /
+     * height) */
     balance->com_height_m = pelvis[2] + offset[2];
     balance->omega = sqrt(balance->model->gravity_m_s2 / balance->com_height_m);
     return reached;
@@ -443,7 +446,7 @@ enum error_code balance_create(const struct balance_config *config, const struct
                                 .from = from,
                                 .pose = pose,
                                 .gains = gains};
-    /* Boards, legs and posture: errors of the rig appear here */
+    /* Find boards, legs and posture; errors of the rig appear here */
     code = estimator_create(&config->estimate, model, host, arena, &balance->estimator, error);
     for (int side = 0; side < BODY_SIDES && !code; side++) {
         struct balance_leg *leg = &balance->leg[side];
@@ -473,8 +476,8 @@ void balance_start(struct balance *balance)
     double round_trip_ns = (double)host_round_trip_ns(balance->host), own;
     double share = fmin(1.0, ROUND_TRIP_NS / fmax(round_trip_ns, 1.0));
 
-    /* On slow buses the position loops get a proportionally lower crossover frequency, so that the
-     * phase lost to the delay stays the same. The ankle rolls have separate gains */
+    /* On slow buses, lower the crossover frequency of the position loops in proportion, so that the
+     * dead time costs the same phase. The ankle rolls have separate gains */
     for (size_t i = 0; i < host_configuration(balance->host)->naxis; i++) {
         balance->from[i] = host_joint(balance->host, i)->joint_rad;
         balance->gains[i] = config->gains[i];
@@ -524,14 +527,15 @@ void balance_update(struct balance *balance, const struct gait_command *command,
             balance->leg[i].foot = foot[i];
             balance->leg[i].carries = 1;
         }
-        /* The plan starts at rest, with the center of mass above the middle of the feet */
+        /* Start the plan at rest, with the center of mass above the midpoint of the feet */
         balance->ground_m = (foot[0].p[2] + foot[1].p[2]) / 2;
         com[0] = (foot[0].p[0] + foot[1].p[0]) / 2 + balance->config.gait.zmp_ahead_m;
         com[1] = (foot[0].p[1] + foot[1].p[1]) / 2;
         gait_start(&balance->gait, &balance->config.gait, balance->omega, foot, com);
         balance->ready = true;
     }
-    /* Until then: equal load on both feet, references ramped from the initial pose (smooth step) */
+    /* Before the gait starts, load both feet equally, and move from the initial pose (smooth
+     * step) */
     if (!balance->ready) {
         for (int i = 0; i < BODY_SIDES; i++) {
             balance->leg[i].weight = 0.5;
@@ -545,10 +549,10 @@ void balance_update(struct balance *balance, const struct gait_command *command,
         return;
     }
 
-    /* Plan, feedback on the DCM, distribution to the feet, compliance, poses; each step uses the
-     * one before */
+    /* Plan, correct the DCM, distribute to the feet, add compliance, compute the poses, in this
+     * order */
     gait_update(&balance->gait, command, &measured, dt_s);
-    /* The desired zero-moment point: the planned one plus feedback on the error of the DCM */
+    /* Desired zero-moment point: planned point plus feedback of the DCM's error */
     for (int k = 0; k < 2; k++) {
         double dcm = estimate->com_m[k] + estimate->com_m_s[k] / balance->omega;
 
@@ -558,11 +562,11 @@ void balance_update(struct balance *balance, const struct gait_command *command,
     balance_share(balance);
     balance_yield(balance, dt_s);
     balance_pose_legs(balance, dt_s);
-    /* Compute the torques in the new pose; the servo uses them to compensate the springs */
+    /* Compute the torques in the new pose; the motor references compensate the springs with them */
     body_place(balance->model, balance->angle, balance->pose);
     balance_load_legs(balance);
-    /* Add the hip torque that accelerates the swinging leg, modeled as a rod with its inertia about
-     * the hip. The standing leg's hip gets the reaction, so that the trunk gets none */
+    /* Add the hip torque that accelerates the swinging leg, a rod with the leg's inertia. The
+     * standing leg's hip gets the opposite torque, so that the trunk gets none */
     stance = &balance->leg[plan->stance];
     swing = &balance->leg[BODY_SIDES - 1 - plan->stance];
     ahead =
@@ -589,10 +593,10 @@ const struct gait *balance_gait(const struct balance *balance)
     return &balance->gait;
 }
 
-/* ---- signals for recordings: what is estimated and planned ---- */
+/* ---- estimated and planned signals, for recordings ---- */
 
-/* Name and value of each signal. Right foot first, as in enum BODY_RIGHT; the tilts of the
- * estimated soles come from their rotation matrices. */
+/* Names and values of the signals. The right foot comes first (BODY_RIGHT). The tilts of estimated
+ * soles are computed from their rotation matrices. */
 #define SIGNALS                                                                                    \
     SIGNAL("estimate.roll_rad", e->roll_rad)                                                       \
     SIGNAL("estimate.pitch_rad", e->pitch_rad)                                                     \

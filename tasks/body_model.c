@@ -60,7 +60,7 @@ double body_static_torque(const struct body_model *model, const struct body_pose
     const struct body_pose *at = &pose[chain[0]];
     double axis[3], arm[3], moment[3];
 
-    /* Moment of the force, then of each link's weight, about the joint */
+    /* Sum the moments about the joint: of the force, then of each link's weight */
     vec3_sub(point, at->p, arm);
     vec3_cross(arm, force, moment);
     for (size_t i = 0; i < nchain; i++) {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The controller's model of the robot's body: lengths, masses, places of sensors. It is a tree of
- * links with one joint each, without dynamics, from the rig. Right-handed frames, x forward, y
- * left, z up; SI units. Owned by the rig, immutable. All functions are RT-safe except
+ * links, each with one joint, and has no dynamics. The rig creates, owns and never changes it.
+ * Right-handed frames: x forward, y left, z up. SI units. All functions are RT-safe except
  * body_find_link.
  */
 #ifndef TASKS_BODY_MODEL_H
@@ -13,8 +13,8 @@
 /* The frame of a link is on the axis of its joint: link = parent * Trans(origin) * rotation *
  * Rot(direction, angle). Link 0 is the pelvis and has no joint. */
 struct body_link {
-    const char *name, *joint; /* joint: moves this link; NULL for link 0 */
-    int parent;               /* index, below its own; -1 for link 0 */
+    const char *name, *joint; /* joint: the joint that moves this link; NULL for link 0 */
+    int parent;               /* index of the parent, less than this link's; -1 for link 0 */
     /* axis of the host that drives the joint; -1 = the joint stays at fixed_rad */
     int axis;
     double fixed_rad;
@@ -46,8 +46,8 @@ struct body_pose {
     double R[9], p[3];
 };
 
-/* Computes the poses of all links in the frame of the pelvis (forward kinematics). angle: by axis
- * of the host, rad; pose: nlink entries. */
+/* Computes the poses of all links in the frame of the pelvis (forward kinematics). angle: joint
+ * angles by axis of the host, rad. pose: nlink entries. */
 void body_place(const struct body_model *model, const double *angle, struct body_pose *pose);
 
 /* Computes the center of mass in the frame of the poses, m. */
@@ -58,10 +58,10 @@ void body_center_of_mass(const struct body_model *model, const struct body_pose 
 void body_place_frame(const struct body_frame *frame, const struct body_pose *link,
                       struct body_pose *pose);
 
-/* Returns the torque (N m) of a link's joint motor in static equilibrium. Gravity (along down, a
- * unit vector) acts on this link and the links behind it; a force (N) acts at a point of one of
- * them. Poses, force, point and down are in one frame. chain: the nchain links from this link to
- * the one with the force, in order. */
+/* Returns the torque (N m) of a link's joint motor in static equilibrium. Gravity acts along the
+ * unit vector `down`. A force (N) acts at a point (m) of the last link of the chain. chain: the
+ * nchain links from this link to the link with the force, in order; only they have weight. Poses,
+ * force, point and down are in one frame. */
 double body_static_torque(const struct body_model *model, const struct body_pose *pose,
                           const int *chain, size_t nchain, const double force[3],
                           const double point[3], const double down[3]);

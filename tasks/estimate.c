@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* State estimation of a walking robot; tasks/estimate.h lists the board of each estimate. */
+/* Estimates the state of a walking robot; tasks/estimate.h names the sensors of each estimate. */
 #include "tasks/estimate.h"
 
 #include "base/portable_math.h"
@@ -10,10 +10,12 @@
 
 static const char *const foot_force_name[BODY_SIDES] = {"r_leg_ft", "l_leg_ft"};
 
-/* Share of the weight below which a foot has no fixed anchor: it may still tilt about an edge. */
+/* Share of the weight below which a foot has no fixed anchor, because it may still tilt about an
+ * edge. */
 #define ANCHOR_SHARE 0.3
 
-/* Largest tilt of the board that is corrected, rad: three times the usual error of such a board. */
+/* Limit of the corrected tilt of the inertial board, rad: three times the usual error of a
+ * board. */
 #define LEAN_MAX_RAD 0.15
 
 struct estimator {
@@ -28,8 +30,8 @@ struct estimator {
     struct estimate now;
 };
 
-/* Finds the force-torque boards of both feet and checks for an inertial board and soles.
- * ERROR_INPUT when one is missing. */
+/* Finds the force-torque boards of both feet, and checks for an inertial board and soles. Returns
+ * ERROR_INPUT if one is missing. */
 static enum error_code estimator_find_boards(struct estimator *estimator, struct error *error)
 {
     const struct host_config *config = host_configuration(estimator->host);
@@ -40,7 +42,7 @@ static enum error_code estimator_find_boards(struct estimator *estimator, struct
                          "the rig has no inertial board, expected one on the pelvis");
     }
 
-    /* Balance needs all of these sensors */
+    /* Watch all of these sensors, because balance needs them */
     host_watch_motion(estimator->host);
     for (int side = 0; side < BODY_SIDES; side++) {
         bool found = false;
@@ -83,8 +85,8 @@ enum error_code estimator_create(const struct estimate_config *config,
 
 /* ---- attitude ---- */
 
-/* Computes the rotation from pelvis to world from the inertial board's quaternion, corrected by its
- * tilt. */
+/* Computes the rotation from pelvis to world from the inertial board's quaternion, corrected by the
+ * estimated tilt of the board. */
 static void estimate_board_attitude(const struct estimator *estimator, double R[9])
 {
     const struct host_motion *motion = host_motion(estimator->host);
@@ -97,7 +99,7 @@ static void estimate_board_attitude(const struct estimator *estimator, double R[
     if (!(angle > 0.0)) {
         return;
     }
-    /* Turn it back by the tilt of the board, about horizontal axes of the world */
+    /* Rotate back by the estimated tilt, about the world's horizontal axes */
     for (int k = 0; k < 3; k++) {
         axis[k] = lean[k] / angle;
     }
@@ -120,13 +122,13 @@ static void estimate_rotate(double R[9], const double turn[3])
     mat3_about_axis(axis, angle, step);
     memcpy(old, R, sizeof old);
     mat3_mul(old, step, R);
-    quaternion_from_mat3(R, quaternion); /* keeps it orthogonal */
+    quaternion_from_mat3(R, quaternion); /* keeps R orthogonal */
     mat3_from_quaternion(quaternion, R);
 }
 
 /* Computes the small rotation from the estimated to the reported attitude, in the pelvis's frame.
- * Uses the quaternion, or without one the direction of gravity. Returns false when the board
- * reports neither. */
+ * The reported attitude is the quaternion or, without a quaternion, the direction of gravity.
+ * Returns false if the board reports neither. */
 static bool estimate_attitude_error(const struct estimator *estimator, double turn[3])
 {
     const struct host_motion *motion = host_motion(estimator->host);
@@ -136,7 +138,7 @@ static bool estimate_attitude_error(const struct estimator *estimator, double tu
         double board[9], apart[9];
 
         estimate_board_attitude(estimator, board);
-        /* R^T * board; a small rotation is the skew-symmetric part of its matrix */
+        /* The error is R^T * board; a small rotation is the skew-symmetric part of its matrix */
         for (int i = 0; i < 3; i++) {
             for (int j = 0; j < 3; j++) {
                 apart[3 * i + j] =
@@ -149,12 +151,12 @@ static bool estimate_attitude_error(const struct estimator *estimator, double tu
         return true;
     }
     if (motion->acceleration_time_ns >= 0 && vec3_norm(motion->acceleration_m_s2) > 1) {
-        /* At rest the specific force points up: the cross product rotates it onto the world's z
-         * axis */
+        /* At rest the specific force points up. The cross product gives the rotation of the
+         * specific force onto the world's z axis */
         double felt[3], norm = vec3_norm(motion->acceleration_m_s2);
 
         mat3_apply(estimator->model->imu.rotation, motion->acceleration_m_s2, felt);
-        vec3_cross(felt, R + 6, turn); /* R's last row: the world's z in the pelvis */
+        vec3_cross(felt, R + 6, turn); /* R + 6: world's z axis in the pelvis's frame */
         for (int k = 0; k < 3; k++) {
             turn[k] /= norm;
         }
@@ -163,8 +165,8 @@ static bool estimate_attitude_error(const struct estimator *estimator, double tu
     return false;
 }
 
-/* Updates the attitude with a complementary filter: integrates the rate, then corrects a fraction
- * of the error. */
+/* Updates the attitude with a complementary filter: integrates the angular rate, then corrects a
+ * fraction of the error. */
 static void estimate_attitude(struct estimator *estimator, double dt_s)
 {
     const struct host_motion *motion = host_motion(estimator->host);
@@ -176,7 +178,7 @@ static void estimate_attitude(struct estimator *estimator, double dt_s)
         turn[k] = now->rate_rad_s[k] * dt_s;
     }
     estimate_rotate(now->R, turn);
-    /* Drift of the rates is corrected with the time constant 1 / attitude_per_s */
+    /* Correct the drift with the time constant 1 / attitude_per_s */
     if (estimate_attitude_error(estimator, turn)) {
         for (int k = 0; k < 3; k++) {
             turn[k] *= share;
@@ -191,8 +193,8 @@ static void estimate_attitude(struct estimator *estimator, double dt_s)
 
 /* ---- feet ---- */
 
-/* Computes force, center of pressure and pose of a foot. The position is still relative to the
- * pelvis, in the world's axes. */
+/* Computes force, center of pressure and pose of a foot. The position is relative to the pelvis, in
+ * the world's axes; odometry later adds the pelvis. */
 static void estimate_foot(struct estimator *estimator, int side)
 {
     const struct body_model *model = estimator->model;
@@ -205,7 +207,7 @@ static void estimate_foot(struct estimator *estimator, int side)
     body_place_frame(&model->foot_force[side], &estimator->pose[model->foot_force[side].link],
                      &sensor);
 
-    /* Into the sole's axes, about its origin */
+    /* Transform force and moment into the sole's axes, about the sole's origin */
     mat3_apply(sensor.R, force->force_n, F);
     mat3_apply(sensor.R, force->torque_nm, M);
     vec3_sub(sensor.p, sole.p, lever);
@@ -218,7 +220,7 @@ static void estimate_foot(struct estimator *estimator, int side)
     foot->cop_m[0] = foot->loaded ? -lever[1] / up : 0;
     foot->cop_m[1] = foot->loaded ? lever[0] / up : 0;
 
-    /* Force and pose in the world's axes */
+    /* Rotate force and pose into the world's axes */
     mat3_apply(estimator->now.R, F, foot->force_n);
     mat3_mul(estimator->now.R, sole.R, foot->sole.R);
     mat3_apply(estimator->now.R, sole.p, foot->sole.p);
@@ -226,13 +228,13 @@ static void estimate_foot(struct estimator *estimator, int side)
 }
 
 /* Updates the position of the pelvis by leg odometry: the mean over the anchored feet, weighted by
- * their loads. Feet in the air move along. */
+ * their loads. Feet without load get new anchors. */
 static void estimate_odometry(struct estimator *estimator)
 {
     struct estimate *now = &estimator->now;
     double load[BODY_SIDES], sum = 0, pelvis[3] = {0};
 
-    /* Weights are the vertical forces; equal when no foot carries load */
+    /* Use the vertical forces as weights; equal weights if no foot carries load */
     for (int side = 0; side < BODY_SIDES; side++) {
         load[side] = fmax(now->foot[side].force_n[2], 0);
         sum += load[side];
@@ -283,11 +285,11 @@ static void estimate_center_of_mass(struct estimator *estimator, double l, doubl
         now->com_m[k] += (now->com_m_s[k] + 2 * l * apart[k]) * dt_s;
         now->com_m_s[k] += (acceleration + l * l * apart[k]) * dt_s;
     }
-    /* The tilt of the board. In a frame that is tilted by e about y, forces seem to accelerate the
-     * center of mass by g e along x, but the encoders see no motion. The observer's error settles
-     * at -g e / l^2; about x with the opposite sign. Correcting the attitude also moves the center
-     * of mass above the standing foot, which is a feedback: COMAN's loop is stable up to a
-     * lean_per_s of about 1.3 */
+    /* Estimate the tilt of the board. In a frame tilted by e about y, the forces seem to accelerate
+     * the center of mass by g e along x, but the encoders measure no motion. The observer's error
+     * settles at -g e / l^2. For a tilt about x, the sign is opposite. The correction of the
+     * attitude also moves the center of mass above the standing foot, which closes a feedback loop.
+     * COMAN's loop is stable up to a lean_per_s of about 1.3 */
     if (isfinite(apart[0] + apart[1])) {
         lean[0] = fmax(-most, fmin(most, lean[0] + rate * apart[1] * dt_s));
         lean[1] = fmax(-most, fmin(most, lean[1] - rate * apart[0] * dt_s));
@@ -295,7 +297,7 @@ static void estimate_center_of_mass(struct estimator *estimator, double l, doubl
 }
 
 /* Computes the zero-moment point of both feet: the mean of the centers of pressure, weighted by the
- * loads. Keeps the last one while no foot carries load. */
+ * loads. Keeps the last point while no foot carries load. */
 static void estimate_zmp(struct estimate *now)
 {
     double sum = 0, at[2] = {0};
@@ -316,7 +318,7 @@ static void estimate_zmp(struct estimate *now)
     }
 }
 
-/* ---- all of it ---- */
+/* ---- complete estimate ---- */
 
 /* Computes the poses of all links from the encoders, then the state of both feet. */
 static void estimate_place(struct estimator *estimator)
@@ -344,7 +346,7 @@ void estimator_start(struct estimator *estimator)
         estimate_board_attitude(estimator, now->R);
     }
     estimate_place(estimator);
-    /* The world's origin is midway between the soles */
+    /* Put the world's origin midway between the soles */
     for (int side = 0; side < BODY_SIDES; side++) {
         vec3_add_scaled(middle, 0.5, now->foot[side].sole.p, middle);
     }
@@ -359,9 +361,9 @@ void estimator_update(struct estimator *estimator, bool walks, double speed_m_s,
     const struct estimate_config *config = &estimator->config;
     double share = 1.0, l = config->com_per_s;
 
-    /* The bandwidth of the observer of the center of mass, 1/s. Impacts of steps are noise that
-     * grows with the speed: between half and all of com_walking_m_s it changes to
-     * com_walking_per_s */
+    /* Choose the bandwidth of the observer of the center of mass, 1/s. Impacts of steps are noise
+     * that grows with the speed. The bandwidth therefore changes from com_per_s at half of
+     * com_walking_m_s to com_walking_per_s at com_walking_m_s */
     if (walks && config->com_walking_per_s > 0.0) {
         if (config->com_walking_m_s > 0.0) {
             share = fmin(fmax(2.0 * speed_m_s / config->com_walking_m_s - 1.0, 0.0), 1.0);

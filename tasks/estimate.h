@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Estimates the state of a walking robot from its boards alone. The attitude of the pelvis comes
- * from the inertial board. Its pose comes from leg odometry: link encoders and the loaded feet. The
- * center of mass comes from the masses of the links and the forces of the feet, the centers of
- * pressure from the force-torque sensors.
+ * Estimates the state of a walking robot, only from its boards. The inertial board gives the
+ * attitude of the pelvis. Leg odometry gives the position of the pelvis, from the link encoders and
+ * the loaded feet. The masses of the links and the forces of the feet give the center of mass. The
+ * force-torque sensors give the centers of pressure.
  *
- * World frame: z up, origin between the soles and heading as at the start. It drifts like any
- * odometry. SI units. RT-safe after creation.
+ * World frame: z up; origin between the soles, and heading of the robot, at the start. The
+ * estimated position drifts, as with any odometry. SI units. RT-safe after creation.
  */
 #ifndef TASKS_ESTIMATE_H
 #define TASKS_ESTIMATE_H
@@ -22,7 +22,7 @@ struct estimate_foot {
     /* center of pressure in the sole's frame; 0 while the foot is unloaded */
     double cop_m[2];
     bool loaded;
-    /* position of the standing sole in the world; for a foot in the air its present position */
+    /* position of the standing sole in the world; for a foot in the air, its present position */
     double anchor[3];
     double yaw_rad;
 };
@@ -39,8 +39,8 @@ struct estimate {
 
 struct estimator;
 
-/* Creates the estimator in the arena. ERROR_INPUT without the inertial board, or without both
- * feet's force-torque boards and soles. */
+/* Creates the estimator in the arena. Returns ERROR_INPUT if the inertial board is missing, or a
+ * foot's force-torque board or sole. */
 enum error_code estimator_create(const struct estimate_config *config,
                                  const struct body_model *model, struct host *host,
                                  struct arena *arena, struct estimator **estimator,
@@ -49,7 +49,7 @@ enum error_code estimator_create(const struct estimate_config *config,
 /* Sets the origin of the world. The robot must stand on both feet. */
 void estimator_start(struct estimator *estimator);
 
-/* Advances the estimate by dt_s. walks: the command is to walk, at speed_m_s (>= 0). */
+/* Advances the estimate by dt_s. walks: the robot is commanded to walk, at speed_m_s (>= 0). */
 void estimator_update(struct estimator *estimator, bool walks, double speed_m_s, double dt_s);
 
 const struct estimate *estimator_read(const struct estimator *estimator);

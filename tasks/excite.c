@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Task excite: a sum of sines moves one joint about the initial pose, while all other joints hold
- * the pose. identify (docs/identify.md) fits a drive to the recording. The sines are added to the
- * position loop's voltage, or to its reference. Frequencies have equal ratios. Sines of the
- * reference have equal peak speeds, sines of the voltage equal amplitudes. Schroeder's phases (IEEE
- * Trans. Inf. Theory 16, 1970) keep the peaks low. The amplitudes sum to the setting, so no peak
- * exceeds it. A joint at a limit ends the task.
+ * Task excite: a sum of sines moves one joint about the initial pose. All other joints hold the
+ * pose. The command identify (docs/identify.md) fits a drive to the recording.
+ *
+ * The sines are added to the position loop's voltage, or to its reference. The frequencies form a
+ * geometric series. Sines of the reference have equal peak speeds; sines of the voltage have equal
+ * amplitudes. Schroeder's phases (IEEE Trans. Inf. Theory 16, 1970) keep the peaks low. The sum of
+ * the amplitudes is the setting, so no peak exceeds the setting. The task fails if the joint
+ * reaches a limit.
  */
 #include "base/portable_math.h"
 #include "tasks/task_private.h"
@@ -27,13 +29,13 @@ enum excite_setting {
 enum { EXCITE_SINES_MAX = 32 };
 
 static const double EXCITE_POSE_S = 1.0; /* duration of the ramp into the pose */
-static const double EXCITE_RAMP_S = 1.0; /* of the ramp of the amplitude, up and down */
+static const double EXCITE_RAMP_S = 1.0; /* duration of the amplitude's ramp, up and down */
 /* highest frequency as a fraction of the command rate */
 static const double EXCITE_NYQUIST = 0.25;
 static const double EXCITE_MOST_RAD = M_PI; /* largest amplitude */
 static const double EXCITE_MOST_S = 3600;   /* longest duration */
 
-/* The settings at the beginning; a user may change them later. */
+/* Copy of the settings at the beginning, because a user may change them later. */
 struct excite {
     size_t axis;
     size_t nsine; /* 0 until the excitation begins */
@@ -55,8 +57,8 @@ static const char *const excite_setting_name[EXCITE_SETTINGS + 1] = {
 
 /* ---- the task ---- */
 
-/* Creates the task's state and finds the joint. The supply limits the amplitude, the command rate
- * the frequencies. ERROR_INPUT when the joint is not given or unknown. */
+/* Creates the task's state and finds the joint. The supply voltage limits the amplitude, and the
+ * command rate limits the frequencies. Returns ERROR_INPUT if the joint is missing or unknown. */
 static enum error_code excite_create(struct task *task, struct arena *arena, struct error *error)
 {
     const struct task_config *config = &task->config;
@@ -83,7 +85,7 @@ static enum error_code excite_create(struct task *task, struct arena *arena, str
     return task_find_input_axis(task, &excite->axis, error);
 }
 
-/* Makes the sines. Returns false with a message when there are none, or when they would leave the
+/* Makes the sines. Returns false, with a message, if there are none, or if they would exceed the
  * joint's limits. */
 static bool excite_begin(struct task *task)
 {
@@ -119,7 +121,7 @@ static bool excite_begin(struct task *task)
     return true;
 }
 
-/* Sets the joint's reference or voltage at t_s of the excitation. */
+/* Sets the joint's reference or voltage at time t_s of the excitation. */
 static void excite_move(struct task *task, double t_s)
 {
     const struct excite *excite = task->state;
@@ -132,7 +134,7 @@ static void excite_move(struct task *task, double t_s)
         rate += excite->amplitude[k] * excite->w[k] * cosine;
     }
 
-    /* Ramp of the amplitude, smooth at both ends */
+    /* Ramp the amplitude smoothly at both ends */
     share = part > 0 ? part * part * (3 - 2 * part) : 0;
     if (part > 0 && part < 1) {
         growth = 6 * part * (1 - part) / EXCITE_RAMP_S * (2 * t_s < excite->duration_s ? 1 : -1);
@@ -145,7 +147,7 @@ static void excite_move(struct task *task, double t_s)
     }
 }
 
-/* Runs one period: the pose, then the excitation. */
+/* Runs one period: first the ramp into the pose, then the excitation. */
 static enum task_status excite_step(struct task *task, double t_s)
 {
     struct excite *excite = task->state;
@@ -153,7 +155,8 @@ static enum task_status excite_step(struct task *task, double t_s)
     const double angle = host_joint(task->host, excite->axis)->joint_rad;
     double worst = 0;
 
-    /* The joint must be within its limits and, without a voltage, all motors must follow */
+    /* Fail at the joint's limits. Fail if a motor does not follow, except with sines in the
+     * voltage */
     if (!(angle > axis->lower_rad && angle < axis->upper_rad)) {
         snprintf(task->message, sizeof task->message,
                  "joint %s: %.3g rad is at its limits, %.3g to %.3g rad; less amplitude is needed",

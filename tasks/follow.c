@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Task follow: joints move along a trajectory from a file (tasks/trajectory.h); other joints hold
- * the initial pose. Errors compare each link encoder angle with the reference at the time of its
- * frame.
+ * Task follow: joints move along a trajectory from a file (tasks/trajectory.h). Other joints hold
+ * the initial pose. An error is the link encoder's angle minus the reference at the time of the
+ * angle's frame.
  */
 #include "tasks/task_private.h"
 #include "tasks/trajectory.h"
@@ -12,7 +12,7 @@
 
 enum follow_setting { FOLLOW_TOLERANCE, FOLLOW_SETTINGS };
 
-static const double FOLLOW_RAMP_S = 1.0;     /* least duration of the ramp into the first row */
+static const double FOLLOW_RAMP_S = 1.0;     /* minimum duration of the ramp into the first row */
 static const double FOLLOW_RAMP_RAD_S = 1.0; /* largest mean rate of a joint on this ramp */
 static const double FOLLOW_SETTLE_S = 1.0;   /* wait in the first row */
 static const double FOLLOW_END_S = 0.5;      /* wait in the last row */
@@ -31,8 +31,8 @@ struct follow {
     double *square, *worst;     /* by axis: sum of the squared errors, rad^2; largest error, rad */
 };
 
-/* Creates the task's state, with the trajectory's columns mapped to axes. ERROR_INPUT without a
- * trajectory. */
+/* Creates the task's state, and maps the trajectory's columns to axes. Returns ERROR_INPUT without
+ * a trajectory. */
 static enum error_code follow_create(struct task *task, struct arena *arena, struct error *error)
 {
     const struct trajectory *trajectory = task->config.input.trajectory;
@@ -86,7 +86,7 @@ static void follow_start(struct task *task)
     }
 }
 
-/* Computes the reference of an axis at t_s of the trajectory: rad, rad/s. */
+/* Computes the reference of an axis at time t_s of the trajectory: rad, rad/s. */
 static void follow_wanted(const struct task *task, size_t axis, double t_s, double *angle,
                           double *rate)
 {
@@ -100,8 +100,8 @@ static void follow_wanted(const struct task *task, size_t axis, double t_s, doub
     }
 }
 
-/* Updates the error record of an axis when a new angle has arrived. Returns false with a message
- * when the error exceeds the tolerance. */
+/* Updates the error statistics of an axis if a new angle has arrived. Returns false, with a
+ * message, if the error exceeds the tolerance. */
 static bool follow_judge(struct task *task, size_t axis, double begin_s)
 {
     struct follow *follow = task->state;
@@ -123,7 +123,6 @@ static bool follow_judge(struct task *task, size_t axis, double begin_s)
         return false;
     }
 
-    /* Update the record */
     follow->square[axis] += error * error;
     record->count++;
     record->rms_rad = sqrt(follow->square[axis] / (double)record->count);
@@ -135,14 +134,14 @@ static bool follow_judge(struct task *task, size_t axis, double begin_s)
     return true;
 }
 
-/* Runs one period: the ramp into the first row, then the trajectory with its error checks. */
+/* Runs one period: first the ramp into the first row, then the trajectory with error checks. */
 static enum task_status follow_step(struct task *task, double t_s)
 {
     struct follow *follow = task->state;
     double begin_s = follow->ramp_s + FOLLOW_SETTLE_S, at_s = t_s - begin_s, angle, rate, worst = 0;
     double length_s = trajectory_length_s(task->config.input.trajectory);
 
-    /* Into the first row */
+    /* Move into the first row */
     if (at_s < 0) {
         task_move_pose(task, follow->first, follow->ramp_s, t_s);
         if (task->tells) {
@@ -151,7 +150,7 @@ static enum task_status follow_step(struct task *task, double t_s)
         return task_motors_follow(task, &worst) ? TASK_RUNNING : TASK_FAILED;
     }
 
-    /* Along the rows */
+    /* Move along the rows */
     for (size_t i = 0; i < task->config.host.naxis; i++) {
         if (at_s <= length_s && !follow_judge(task, i, begin_s)) {
             return TASK_FAILED;

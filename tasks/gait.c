@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Updates the gait: phases of the steps, footholds, and the plan of the zero-moment point and the
- * DCM. */
+/* Updates the gait: the phases of the steps, the footholds, and the plan of the zero-moment point
+ * and of the DCM. */
 #include "tasks/gait.h"
 
 #include "base/portable_math.h"
@@ -8,8 +8,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Number of footholds planned beyond the next one. Later ones change the DCM by less than
- * exp(-omega 2 T), a thousandth. */
+/* Number of planned footholds after the next foothold. Later footholds would change the DCM by less
+ * than exp(-omega 2 T), a thousandth. */
 enum { PREVIEW = 3 };
 
 #define ADJUST_S 0.03    /* time constant of the foothold's adjustment */
@@ -17,19 +17,19 @@ enum { PREVIEW = 3 };
 #define EARLIEST 0.5     /* fraction of a swing after which a load counts as a landing */
 
 /* Constants of the step that catches a pushed robot */
-#define CATCH_LATE_S 0.1    /* longest extension of the swing without ground contact */
-#define CATCH_LOWER_M_S 0.3 /* speed at which the foot is lowered meanwhile */
+#define CATCH_LATE_S 0.1    /* longest extension of a swing without ground contact */
+#define CATCH_LOWER_M_S 0.3 /* speed at which the foot is lowered in the extension */
 #define CATCH_COM_S 0.05    /* time constant of the planned center of mass */
 #define SETTLE_S 0.1        /* wait after a step, because the landed foot bounces */
 #define LOAD_S 0.05         /* duration in which the standing foot takes over the weight */
 #define FOLLOW_S 0.03       /* time constant with which the foothold follows the DCM */
-#define ACROSS_PART 0.45    /* fraction of the swing in which it follows sideways ... */
-#define ALONG_PART 0.63     /* ... and lengthwise: later the leg moves the DCM */
-#define ON_PART 0.6         /* beyond this fraction of the way, the other foot follows */
+#define ACROSS_PART 0.45    /* fraction of the swing in which the foothold follows sideways, */
+#define ALONG_PART 0.63     /* and lengthwise; later the leg's motion disturbs the DCM */
+#define ON_PART 0.6         /* other foot follows if the DCM is beyond this part of the way */
 #define ON_TRANSFER_S 0.12
-#define CALM_S 0.3    /* at rest = has stood for this time ... */
-#define CALM_M 0.025  /* ... with the DCM this close to its plan */
-#define BESIDE_M 0.03 /* feet this close to side by side need no further step */
+#define CALM_S 0.3    /* at rest: has stood for this time, */
+#define CALM_M 0.025  /* with the DCM this close to its plan */
+#define BESIDE_M 0.03 /* offset of the feet from side by side that needs no further step */
 
 /* ---- the divergent component of motion ---- */
 
@@ -41,7 +41,7 @@ void dcm_add(struct dcm_plan *plan, double duration_s, const double from[2], con
     }
 }
 
-/* Computes xi when left_s of a line are left, from xi at its end (equation of the header). */
+/* Computes xi at the time left_s before the end of a line, from xi at the end (see gait.h). */
 static void dcm_line_back(const struct dcm_line *line, double omega, double left_s,
                           const double end[2], double dcm[2])
 {
@@ -55,8 +55,8 @@ static void dcm_line_back(const struct dcm_line *line, double omega, double left
     }
 }
 
-/* Computes xi at the end of the first line, backward from the end of the plan, where xi is
- * constant. */
+/* Computes xi at the end of the first line. Starts at the end of the plan, where xi is at rest, and
+ * goes backward. */
 static void dcm_first_end(const struct dcm_plan *plan, double end[2])
 {
     const struct dcm_line *last = &plan->line[plan->nline - 1];
@@ -78,7 +78,7 @@ void dcm_begin_at(struct dcm_plan *plan, const double dcm[2])
     double lasts = plan->omega * first->duration_s, decay = portable_exp(-lasts), end[2];
 
     dcm_first_end(plan, end);
-    /* Solve the header's equation for r0, with r' = (r1 - r0) / T */
+    /* Solve the equation of gait.h for r0, with r' = (r1 - r0) / T */
     for (int k = 0; k < 2; k++) {
         first->from[k] =
             (dcm[k] - first->to[k] * (1 - decay) / lasts - decay * (end[k] - first->to[k])) /
@@ -117,7 +117,7 @@ static int gait_other(int side)
     return BODY_SIDES - 1 - side;
 }
 
-/* Returns the sign of y away from the other foot: +1 for the left foot, -1 for the right one. */
+/* Returns the sign of y away from the other foot: +1 for the left foot, -1 for the right foot. */
 static double gait_outward(int side)
 {
     return side == BODY_LEFT ? 1 : -1;
@@ -144,7 +144,7 @@ void gait_foot_zmp(const struct gait *gait, int side, const struct gait_foothold
                 zmp);
 }
 
-/* Computes the zero-moment point of standing: midway between the feet's. */
+/* Computes the zero-moment point of standing: midway between the zero-moment points of the feet. */
 static void gait_middle_zmp(const struct gait *gait, const struct gait_foothold foot[BODY_SIDES],
                             double zmp[2])
 {
@@ -157,8 +157,8 @@ static void gait_middle_zmp(const struct gait *gait, const struct gait_foothold 
     zmp[1] = (side[0][1] + side[1][1]) / 2;
 }
 
-/* Computes the next foothold of foot `side`, while the other foot stands, from the commanded
- * velocity. close: beside the standing foot. */
+/* Computes the next foothold of foot `side` from the commanded velocity, while the other foot
+ * stands. close: put the foot beside the standing foot. */
 static void gait_foothold_of(const struct gait *gait, int side, const struct gait_foothold *stance,
                              bool close, struct gait_foothold *to)
 {
@@ -170,17 +170,17 @@ static void gait_foothold_of(const struct gait *gait, int side, const struct gai
     struct gait_foothold center = *stance;
     double middle[2], away[2];
 
-    /* Feet must not collide */
+    /* Keep the minimum distance, so that the feet do not collide */
     if (out * left < config->least_width_m) {
         left = out * config->least_width_m;
     }
-    /* Rotate about the middle between the feet */
+    /* Rotate about the midpoint of the feet */
     gait_offset(stance, 0, out * config->width_m / 2, middle);
     memcpy(center.p, middle, sizeof middle);
     center.yaw = stance->yaw + turn;
     gait_offset(&center, ahead, left - out * config->width_m / 2, to->p);
     to->yaw = center.yaw;
-    /* Predict height and tilt, as if the ground of the standing sole continued */
+    /* Predict height and tilt: assume that the plane of the standing sole continues */
     gait_into_foot(stance, to->p, away);
     to->roll = config->ground_follow * stance->roll;
     to->pitch = config->ground_follow * stance->pitch;
@@ -201,8 +201,8 @@ void gait_start(struct gait *gait, const struct gait_config *config, double omeg
     memcpy(gait->now.dcm, gait->now.zmp, sizeof gait->now.dcm);
 }
 
-/* Returns where a point lies between the right foot's planned zero-moment point (0) and the left
- * one's (1). */
+/* Returns the position of a point along the line from the right foot's planned zero-moment point
+ * (0) to the left foot's (1). */
 static double gait_left_share(const struct gait *gait, const double point[2])
 {
     double side[BODY_SIDES][2], along[2], square;
@@ -220,8 +220,8 @@ static double gait_left_share(const struct gait *gait, const double point[2])
 
 /* ---- the plan ---- */
 
-/* Appends the future after the present swing: transfers and swings over the next footholds, then
- * the way to the middle of the feet, where the DCM comes to rest. */
+/* Appends the plan after the present swing: transfers and swings over the next footholds, then the
+ * line to the midpoint of the feet, where the DCM comes to rest. */
 static void gait_plan_future(const struct gait *gait, struct dcm_plan *plan)
 {
     const struct gait_config *config = &gait->config;
@@ -233,7 +233,7 @@ static void gait_plan_future(const struct gait *gait, struct dcm_plan *plan)
     foot[gait->now.stance] = gait->now.foot[gait->now.stance];
     foot[swing] = gait->next;
     gait_foot_zmp(gait, gait->now.stance, &foot[gait->now.stance], from);
-    /* Steps alternate at the commanded velocity until the command is to stand */
+    /* Alternate steps at the commanded velocity, until the command is to stand */
     for (int i = 0; i < PREVIEW && !closing; i++) {
         int stance = swing;
 
@@ -249,7 +249,7 @@ static void gait_plan_future(const struct gait *gait, struct dcm_plan *plan)
     dcm_add(plan, config->start_s, from, to);
 }
 
-/* Fills the plan with the lines of the zero-moment point from the begin of the present phase. */
+/* Fills the plan with lines of the zero-moment point, from the beginning of the present phase. */
 static void gait_plan(const struct gait *gait, struct dcm_plan *plan)
 {
     double stance[2], to[2];
@@ -258,12 +258,12 @@ static void gait_plan(const struct gait *gait, struct dcm_plan *plan)
     plan->nline = 0;
     gait_foot_zmp(gait, gait->now.stance, &gait->now.foot[gait->now.stance], stance);
     switch (gait->now.phase) {
-    /* Standing: the zero-moment point stays in the middle, for any duration */
+    /* Standing: the zero-moment point stays at the midpoint; the duration is arbitrary */
     case GAIT_STAND:
         gait_middle_zmp(gait, gait->now.foot, to);
         dcm_add(plan, 1, to, to);
         return;
-    /* Transfer: from the present point to the next standing foot, or at the end to the middle */
+    /* Transfer: from the present point to the next standing foot, or to the midpoint at the end */
     case GAIT_TRANSFER:
         if (gait->closing) {
             gait_middle_zmp(gait, gait->now.foot, to);
@@ -290,8 +290,8 @@ static void gait_begin(struct gait *gait, enum gait_phase phase, double duration
     gait->duration_s = duration_s;
 }
 
-/* Begins the next step with its transfer. From now on `stance` carries and the other foot will
- * swing. */
+/* Begins the next step with its transfer. stance: the foot that will stand while the other foot
+ * swings. */
 static void gait_begin_step(struct gait *gait, int stance, double transfer_s)
 {
     int swing = gait_other(stance);
@@ -304,7 +304,8 @@ static void gait_begin_step(struct gait *gait, int stance, double transfer_s)
     gait_begin(gait, GAIT_TRANSFER, transfer_s);
 }
 
-/* Makes the measured place of the foot in the air its foothold. gait_feel_ground sets its tilt. */
+/* Sets the foothold of the foot in the air to the foot's measured place. gait_feel_ground sets the
+ * tilt. */
 static void gait_land(struct gait *gait, const struct gait_measured *measured)
 {
     int swing = gait_other(gait->now.stance);
@@ -317,8 +318,8 @@ static void gait_land(struct gait *gait, const struct gait_measured *measured)
     gait->landed = true;
 }
 
-/* Returns whether the present phase is over. A swing ends when its time has passed, and the foot
- * has landed or has been lowered completely. */
+/* Returns whether the present phase is over. A swing is over when its time has passed, and the foot
+ * has landed or is completely lowered. */
 static bool gait_phase_over(const struct gait *gait)
 {
     double late = gait->elapsed_s - gait->duration_s;
@@ -338,7 +339,7 @@ static void gait_feel_ground(struct gait *gait, const struct gait_measured *meas
     double share = dt_s / (gait->config.tilt_s + dt_s);
 
     for (int i = 0; i < BODY_SIDES; i++) {
-        /* Only the foot that landed last can find a new tilt */
+        /* Only the foot that landed last can measure a new tilt */
         bool new = gait->now.phase == GAIT_SWING
                        ? i != gait->now.stance && gait->landed
                        : gait->now.phase == GAIT_TRANSFER &&i == gait->now.stance;
@@ -350,7 +351,7 @@ static void gait_feel_ground(struct gait *gait, const struct gait_measured *meas
     }
 }
 
-/* Makes the present transfer start from this DCM. */
+/* Changes the present transfer so that it starts from this DCM. */
 static void gait_begin_at(struct gait *gait, const double dcm[2])
 {
     struct dcm_plan plan;
@@ -360,15 +361,15 @@ static void gait_begin_at(struct gait *gait, const double dcm[2])
     memcpy(gait->zmp_from, plan.line[0].from, sizeof gait->zmp_from);
 }
 
-/* Begins the first step from standing. Later steps begin at the present zero-moment point; this one
- * chooses a point with which the DCM does not jump. */
+/* Begins the first step from standing. Later steps begin at the present zero-moment point. The
+ * first step chooses the point for which the DCM does not jump. */
 static void gait_set_out(struct gait *gait, int stance)
 {
     gait_begin_step(gait, stance, gait->config.start_s);
     gait_begin_at(gait, gait->now.dcm);
 }
 
-/* ---- the step that catches a standing robot that is pushed (capture step) ---- */
+/* ---- the step that catches a pushed robot (capture step) ---- */
 
 /* Returns the horizontal distance between two points, m. */
 static double gait_apart(const double a[2], const double b[2])
@@ -378,10 +379,10 @@ static double gait_apart(const double a[2], const double b[2])
     return sqrt(x * x + y * y);
 }
 
-/* Returns the distance (m) of the DCM beyond the range of the center of pressure, negative inside.
- * The range is the reach of a sole along the line between the feet, at the point nearest to the
- * DCM. A sideways fall gets no step: the foot on that side carries the weight, and the other leg
- * would have to cross it. */
+/* Returns the distance (m) of the DCM beyond the range of the center of pressure; negative inside.
+ * The range is the reach of a sole around the point of the line between the feet that is nearest
+ * to the DCM. A sideways fall gets no step: the foot on that side carries the weight, and the
+ * other leg would have to cross this leg. */
 static double gait_beyond_soles(const struct gait *gait, const double dcm[2])
 {
     const struct gait_config *config = &gait->config;
@@ -396,7 +397,7 @@ static double gait_beyond_soles(const struct gait *gait, const double dcm[2])
     return fmax(in[0] - config->sole_front_m, config->sole_back_m - in[0]) + config->sole_margin_m;
 }
 
-/* Begins the swing of the foot farther from the DCM, at once. */
+/* Begins, without a transfer, the swing of the foot that is farther from the DCM. */
 static void gait_begin_catch(struct gait *gait, const struct gait_measured *measured)
 {
     struct gait_reference *now = &gait->now;
@@ -409,21 +410,21 @@ static void gait_begin_catch(struct gait *gait, const struct gait_measured *meas
     }
     now->stance = apart[BODY_RIGHT] < apart[BODY_LEFT] ? BODY_RIGHT : BODY_LEFT;
     swing = gait_other(now->stance);
-    /* The swing begins without a transfer: store the load of the standing foot for the ramp of the
-     * weight */
+    /* Store the standing foot's share of the weight. Without a transfer, the ramp of the weight
+     * starts from this share */
     gait->bore = now->share[now->stance];
     gait->catches = true;
     gait->closing = gait->landed = false;
     gait->apart = true;
-    /* The foothold begins beside the standing foot; gait_place_catch moves it outward */
+    /* Start with a foothold beside the standing foot; gait_place_catch moves the foothold */
     gait->lift = now->foot[swing];
     gait_foothold_of(gait, swing, &now->foot[now->stance], true, &gait->next);
     memset(gait->shift, 0, sizeof gait->shift);
     gait_begin(gait, GAIT_SWING, gait->config.catch_swing_s);
 }
 
-/* Moves the foothold to the DCM at the predicted landing. It only moves outward: a foot that moves
- * back tips the robot over, but a longer step does no harm. */
+/* Moves the foothold to the predicted DCM at landing. The foothold never moves closer: a step that
+ * is too short tips the robot over, but a longer step does no harm. */
 static void gait_place_catch(struct gait *gait, const double after[2], double dt_s)
 {
     const struct gait_config *config = &gait->config;
@@ -431,7 +432,7 @@ static void gait_place_catch(struct gait *gait, const double after[2], double dt
     double out = gait_outward(gait_other(gait->now.stance)), reach = config->catch_reach_m;
     double was[2], to[2], goal[2];
 
-    /* In the heading of the standing foot: limit the foothold to its reach, and never move it
+    /* In the heading of the standing foot, limit the foothold to its reach, and never move it
      * closer */
     gait_into_foot(at, gait->next.p, was);
     gait_into_foot(at, after, to);
@@ -463,7 +464,7 @@ static void gait_plan_catch(struct gait *gait, const struct gait_measured *measu
                  config->sole_front_m - config->sole_margin_m);
     in[1] = fmin(fmax(in[1], -side), side);
     gait_offset(at, in[0], in[1], now->zmp);
-    /* The plan equals the measurement, so that no feedback acts in addition */
+    /* Set the plan to the measurement, so that the DCM feedback has no effect */
     memcpy(now->dcm, measured->dcm, sizeof now->dcm);
 
     dcm_advance(gait->omega, fmax(gait->duration_s - gait->elapsed_s, 0), now->zmp, measured->dcm,
@@ -490,26 +491,26 @@ static bool gait_rests_apart(const struct gait *gait, const struct gait_measured
 
 /* ---- from phase to phase ---- */
 
-/* Ends the present phase and begins the next one: stand, transfer, swing, transfer, ..., stand. */
+/* Begins the next phase. The order is stand, transfer, swing, transfer, ..., stand. */
 static void gait_end_phase(struct gait *gait, const struct gait_measured *measured)
 {
     int swing = gait_other(gait->now.stance);
     double scale, left;
 
     switch (gait->now.phase) {
-    /* Standing has no end; gait_update begins a step */
+    /* Standing does not end here; gait_update begins a step */
     case GAIT_STAND:
         break;
-    /* After a closing transfer the robot stands; otherwise the swing begins */
+    /* Stand after a closing transfer; otherwise begin the swing */
     case GAIT_TRANSFER:
         if (gait->closing) {
             gait->closing = false;
             gait_begin(gait, GAIT_STAND, 1);
             return;
         }
-        /* Adopt the commanded duration of a step, at most TIME_CHANGE per step. At the beginning
-         * of a swing, later parts of the old plan have little effect: the planned DCM jumps by one
-         * or two millimeters */
+        /* Adopt the commanded duration of a step, with a change of at most TIME_CHANGE per step. At
+         * the beginning of a swing, a change of later parts moves the planned DCM only by one or
+         * two millimeters */
         if (gait->command.step_s > 0) {
             scale = gait->command.step_s / (gait->config.swing_s + gait->config.transfer_s);
             scale = fmin(fmax(scale, 1 - TIME_CHANGE), 1 + TIME_CHANGE);
@@ -523,14 +524,14 @@ static void gait_end_phase(struct gait *gait, const struct gait_measured *measur
                          &gait->next);
         gait_begin(gait, GAIT_SWING, gait->config.swing_s);
         break;
-    /* Treat the foot as landed, with or without contact: transfer to it, or to the middle */
+    /* Treat the foot as landed, with or without contact. Transfer to it, or to the midpoint */
     case GAIT_SWING:
         gait->steps++;
         if (!gait->landed) {
             gait_land(gait, measured);
         }
-        /* After a catching swing, if the DCM has moved to the new foot, the other one follows with
-         * a step; else the feet stay apart */
+        /* After a catching swing, the other foot follows with a step if the DCM has moved to the
+         * new foot. Otherwise the feet stay apart */
         left = gait_left_share(gait, measured->dcm);
         if (gait->catches && (swing == BODY_LEFT ? left : 1 - left) > ON_PART) {
             gait->catches = false;
@@ -564,12 +565,12 @@ static void gait_adjust_foothold(struct gait *gait, const double dcm[2], double 
     double able = config->ankle_m * (portable_exp(gait->omega * left_s) - 1);
     struct gait_foothold plain;
 
-    /* dcm_end is the plan for the present foothold. A foothold 1 m farther starts its transfer with
-     * a DCM that is `follow` farther, so divide the error by follow */
+    /* dcm_end is planned for the present foothold. A foothold that is 1 m farther moves the DCM at
+     * the start of the transfer by `follow` meters. Divide the error by `follow` */
     dcm_advance(gait->omega, left_s, gait->now.zmp, dcm, after);
     gait_foothold_of(gait, swing, at, gait->closing, &plain);
-    /* Compute the step that removes the rest of the error, which the center of pressure cannot
-     * remove if it moves by at most ankle_m from now on */
+    /* The center of pressure, which can move by at most ankle_m, removes a part of the error.
+     * Compute the adjustment of the foothold that removes the rest */
     for (int k = 0; k < 2; k++) {
         double error = after[k] - (gait->dcm_end[k] - follow * gait->shift[k]);
 
@@ -577,21 +578,21 @@ static void gait_adjust_foothold(struct gait *gait, const double dcm[2], double 
         move[k] = plain.p[k] - at->p[k] + config->adjust * error / follow;
     }
 
-    /* Limit it to the reach of the standing leg, in the foot's heading */
+    /* Limit the adjustment to the reach of the standing leg, in the foot's heading */
     ahead = portable_cos(at->yaw) * move[0] + portable_sin(at->yaw) * move[1];
     left = -portable_sin(at->yaw) * move[0] + portable_cos(at->yaw) * move[1];
     ahead = fmin(fmax(ahead, -config->reach_back_m), config->reach_ahead_m);
     left =
         out * fmin(fmax(out * left, config->least_width_m), config->width_m + config->reach_out_m);
     gait_offset(at, ahead, left, goal);
-    /* The filter keeps measurement noise out of the foot's path */
+    /* Filter the adjustment, so that measurement noise does not move the foot */
     for (int k = 0; k < 2; k++) {
         gait->shift[k] += (goal[k] - plain.p[k] - gait->shift[k]) * fmin(dt_s / ADJUST_S, 1);
         gait->next.p[k] = plain.p[k] + gait->shift[k];
     }
 }
 
-/* Returns the minimum-jerk curve from 0 to 1 (quintic), with velocity and acceleration 0 at both
+/* Returns the minimum-jerk curve (quintic) from 0 to 1. Velocity and acceleration are 0 at both
  * ends. */
 static double gait_ease(double s)
 {
@@ -608,8 +609,8 @@ static void gait_swing_foot(struct gait *gait)
     /* The second derivative of gait_ease */
     double bend = way <= 0 || way >= 1 ? 0 : way * (60 + way * (-180 + 120 * way));
     double stretch = 1 / (0.85 * gait->duration_s);
-    /* Up in the first 45 %, down in the second half; horizontally between 5 % and 90 % of the
-     * swing */
+    /* The foot rises in the first 45 % of the swing and falls in the second half. It moves
+     * horizontally between 5 % and 90 % */
     double up = s < 0.5 ? gait_ease(s / 0.45) : 1 - gait_ease((s - 0.5) / 0.5);
     double late = fmax(gait->elapsed_s - gait->duration_s, 0);
     double high = gait->catches ? gait->config.catch_clearance_m : gait->config.clearance_m;
@@ -618,11 +619,11 @@ static void gait_swing_foot(struct gait *gait)
     if (gait->landed) {
         return;
     }
-    /* Position between lift-off and the next foothold */
+    /* Interpolate between lift-off and the next foothold */
     for (int k = 0; k < 3; k++) {
         foot->p[k] = gait->lift.p[k] + along * (gait->next.p[k] - gait->lift.p[k]);
     }
-    /* Its acceleration: the second derivative by time */
+    /* Compute the acceleration, the second derivative by time */
     for (int k = 0; k < 2; k++) {
         gait->now.foot_m_s2[k] = (gait->next.p[k] - gait->lift.p[k]) * stretch * stretch * bend;
     }
@@ -633,7 +634,7 @@ static void gait_swing_foot(struct gait *gait)
     gait->now.height_m = high * up - fmin(late * lower, gait->config.lower_m);
 }
 
-/* ---- all of it ---- */
+/* ---- the complete update ---- */
 
 void gait_update(struct gait *gait, const struct gait_command *command,
                  const struct gait_measured *measured, double dt_s)
@@ -643,7 +644,7 @@ void gait_update(struct gait *gait, const struct gait_command *command,
     double decay = portable_exp(-gait->omega * dt_s);
     bool stands;
 
-    /* Start to walk; end a phase when its time is over; step at once when the robot falls */
+    /* Start to walk, end a phase whose time is over, or step at once if the robot falls */
     gait->command = *command;
     gait->elapsed_s += dt_s;
     if (now->phase == GAIT_STAND && command->step) {
@@ -659,13 +660,13 @@ void gait_update(struct gait *gait, const struct gait_command *command,
         gait_beyond_soles(gait, measured->dcm) > -gait->config.catch_margin_m) {
         gait_begin_catch(gait, measured);
     }
-    /* Measure the ground; press a landed foot; land or steer a foot in the air */
+    /* Measure the ground, press a landed foot, and land or steer a foot in the air */
     now->progress = gait->duration_s > 0 ? fmin(gait->elapsed_s / gait->duration_s, 1) : 0;
 
     gait_feel_ground(gait, measured, dt_s);
     if (now->phase == GAIT_SWING && gait->landed) {
-        /* Press an early foot lightly until the swing ends, so that it neither bounces nor pushes
-         * the robot up */
+        /* Press a foot that landed early with a small force until the swing ends, so that it
+         * neither bounces nor pushes the robot up */
         double lacks = 1 - measured->force_n[gait_other(now->stance)] / gait->config.press_n;
 
         now->foot[gait_other(now->stance)].p[2] -= gait->config.lower_m_s * fmax(lacks, -1) * dt_s;
@@ -676,7 +677,7 @@ void gait_update(struct gait *gait, const struct gait_command *command,
             gait_adjust_foothold(gait, measured->dcm, dt_s);
         }
     }
-    /* Plan the zero-moment point and the DCM again; a catching step has its own plan */
+    /* Renew the plan of the zero-moment point and the DCM; a catching step has its own plan */
     gait_plan(gait, &plan);
     dcm_evaluate(&plan, gait->elapsed_s, now->zmp, now->dcm, gait->dcm_end);
     if (now->phase == GAIT_SWING && gait->catches) {
@@ -685,8 +686,9 @@ void gait_update(struct gait *gait, const struct gait_command *command,
     /* Place the foot in the air */
     now->height_m = 0;
     memset(now->foot_m_s2, 0, sizeof now->foot_m_s2);
-    /* The shares of the weight: one foot in a swing, taken over gradually when it catches the
-     * robot; else in proportion to the position of the zero-moment point */
+    /* Compute the shares of the weight. In a swing, one foot carries all; in a catching swing,
+     * it takes the weight over gradually. Otherwise the zero-moment point's position gives the
+     * shares */
     if (now->phase == GAIT_SWING) {
         gait_swing_foot(gait);
         now->share[now->stance] =
@@ -697,7 +699,7 @@ void gait_update(struct gait *gait, const struct gait_command *command,
         now->share[BODY_RIGHT] = 1 - now->share[BODY_LEFT];
     }
 
-    /* The center of mass follows the DCM: c' = omega (xi - c) */
+    /* Let the center of mass follow the DCM: c' = omega (xi - c) */
     for (int k = 0; k < 2; k++) {
         now->com[k] = now->dcm[k] + decay * (now->com[k] - now->dcm[k]);
         if (now->phase == GAIT_SWING && gait->catches) {
@@ -705,6 +707,6 @@ void gait_update(struct gait *gait, const struct gait_command *command,
         }
         now->com_m_s[k] = gait->omega * (now->dcm[k] - now->com[k]);
     }
-    /* The pelvis heads midway between the feet */
+    /* The pelvis's heading is the mean of the feet's headings */
     now->yaw = (now->foot[0].yaw + now->foot[1].yaw) / 2;
 }

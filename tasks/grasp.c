@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Task grasp: both arms move symmetrically along a path of motor angles, press an object between
- * the wrists and lift it (paper section 6). All other joints hold the initial pose. The verdict
- * uses telemetry only. While the grip is closed, both wrists must press and the motors must follow.
- * Feet that carried the robot at first must carry it throughout. At the end friction must carry the
- * object's weight.
+ * the wrists and lift it (paper section 6). All other joints hold the initial pose.
+ *
+ * The verdict uses only telemetry. While the grip is closed, both wrists must press, and the motors
+ * must follow. If the feet carry the robot before the grasp, they must carry it until the end. At
+ * the end, the wrists must carry the object's weight by friction.
  */
 #include "base/portable_math.h"
 #include "tasks/task_private.h"
@@ -23,16 +24,16 @@ static const double mirrored[GRASP_JOINTS] = {1, -1, -1, 1}; /* the left arm's a
 static const char *const wrist_name[SIDES] = {"r_arm_ft", "l_arm_ft"};
 
 static const double WEIGH_S = 0.2; /* duration of the weighing, at the end of settling */
-/* fallen when the feet carry less than this fraction of the weight for LOST_S */
+/* the robot has fallen if its feet carry less than this fraction of the weight for LOST_S */
 static const double LIGHT = 0.3;
-static const double LOST_S = 0.05; /* time after which too little load or grip counts */
+static const double LOST_S = 0.05; /* duration of too little load or grip that counts */
 
 struct grasp {
     size_t axis[SIDES][GRASP_JOINTS], wrist[SIDES];
     double feet_sum, wrist_sum[SIDES][3]; /* sums of the forces before the grasp */
     size_t weighed;
     size_t phase; /* phase of the path */
-    /* sum of the force carried by both wrists while they hold still at the end */
+    /* sum of the samples of the force that both wrists carry in the final hold */
     double carried_sum;
     size_t carried_count;
     double least_n; /* smallest force of a wrist while the grip was closed */
@@ -70,7 +71,8 @@ static enum error_code grasp_find_arm(struct task *task, int side, struct error 
     return ERROR_NONE;
 }
 
-/* Creates the task's state and finds arms, wrists and feet. ERROR_INPUT when the rig lacks one. */
+/* Creates the task's state and finds arms, wrists and feet. Returns ERROR_INPUT if one is
+ * missing. */
 static enum error_code grasp_create(struct task *task, struct arena *arena, struct error *error)
 {
     const struct grasp_config *config = &task->config.grasp;
@@ -83,7 +85,7 @@ static enum error_code grasp_create(struct task *task, struct arena *arena, stru
     grasp->least_n = HUGE_VAL;
     task->state = grasp;
 
-    /* Check that the rig has a path whose phases end one after the other */
+    /* Check that the rig has a path, and that the end times of its phases increase */
     if (config->nphase == 0) {
         return error_set(error, ERROR_INPUT, "grasp: the rig has no path for it (tasks: grasp)");
     }
@@ -103,7 +105,7 @@ static enum error_code grasp_create(struct task *task, struct arena *arena, stru
     return code ? code : task_find_feet(task, error);
 }
 
-/* Sets the references of both arms at time t of the piecewise linear path, and grasp->phase. */
+/* Sets the references of both arms for time t of the piecewise linear path. Sets grasp->phase. */
 static void grasp_move_arms(struct task *task, double t)
 {
     const struct grasp *grasp = task->state;
@@ -124,8 +126,8 @@ static void grasp_move_arms(struct task *task, double t)
     }
 }
 
-/* Computes the force on a wrist's sensor in the torso's axes, N. Pitch, roll and yaw of the
- * shoulder and the elbow turn the forearm. */
+/* Computes the force on a wrist's sensor in the torso's axes, N. The forearm is rotated by the
+ * shoulder's pitch, roll and yaw, and by the elbow. */
 static void grasp_wrist_force(const struct task *task, int side, double force[3])
 {
     static const int about[GRASP_JOINTS] = {1, 0, 2, 1};
@@ -141,7 +143,7 @@ static void grasp_wrist_force(const struct task *task, int side, double force[3]
     }
 }
 
-/* Computes the force on a wrist minus its force before the grasp. */
+/* Computes the force on a wrist minus the wrist's force before the grasp, torso's axes, N. */
 static void grasp_hand_force(const struct task *task, int side, double force[3])
 {
     const struct grasp *grasp = task->state;
@@ -152,7 +154,7 @@ static void grasp_hand_force(const struct task *task, int side, double force[3])
     }
 }
 
-/* Returns the force of a wrist toward the other one, N. */
+/* Returns the force of a wrist toward the other wrist, N. */
 static double grasp_press_force(const struct task *task, int side)
 {
     double force[3];
@@ -161,15 +163,15 @@ static double grasp_press_force(const struct task *task, int side)
     return side == RIGHT ? -force[1] : force[1];
 }
 
-/* Returns the robot's weight on its feet before the grasp, N; 0 if the feet hang because the base
- * is held. */
+/* Returns the robot's weight on its feet before the grasp, N; 0 if the base is held and the feet
+ * hang. */
 static double grasp_weight(const struct grasp *grasp)
 {
     return fmax(grasp->feet_sum / (double)grasp->weighed, 0);
 }
 
-/* Checks motors, feet and grip. Returns false with a message when the robot no longer stands or
- * has lost the object. */
+/* Checks motors, feet and grip. Returns false, with a message, if the robot has fallen or has lost
+ * the object. */
 static bool grasp_is_healthy(struct task *task, double t)
 {
     struct grasp *grasp = task->state;
@@ -183,7 +185,7 @@ static bool grasp_is_healthy(struct task *task, double t)
         return false;
     }
 
-    /* A loss counts only if it lasts; fine_s is the last time without a problem */
+    /* A loss counts only after LOST_S; fine_s is the last time without a loss */
     if (closed) {
         grasp->least_n = fmin(grasp->least_n, least);
     }
@@ -223,7 +225,7 @@ static void grasp_describe(struct task *task, const char *doing)
              grasp_carried_force(task));
 }
 
-/* Returns the final verdict after a grip without loss: whether the wrists carry the object. */
+/* Returns the final verdict, after a grip without loss: the wrists must carry the object. */
 static enum task_status grasp_judge_lift(struct task *task)
 {
     const struct grasp *grasp = task->state;
@@ -250,9 +252,9 @@ static enum task_status grasp_step(struct task *task, double t)
     const struct grasp_config *config = &task->config.grasp;
     double end = config->phase[config->nphase - 1].until_s, force[3];
 
-    /* Stand; the sensors show the robot's own weight */
+    /* Stand, so that the sensors measure the robot's own weight */
     task_move_pose(task, NULL, config->settle_s / 2, t);
-    /* Weigh at least once, even if the computer stalls during the time for it */
+    /* Weigh at least once, also if the computer stalls during the weighing time */
     if (t < config->settle_s || !grasp->weighed) {
         if (t > config->settle_s - WEIGH_S) {
             for (int side = 0; side < SIDES; side++) {
@@ -271,7 +273,7 @@ static enum task_status grasp_step(struct task *task, double t)
         return TASK_RUNNING;
     }
 
-    /* The path, then standing still with the object */
+    /* Follow the path, then stand still with the object */
     t -= config->settle_s;
     while (grasp->phase + 1 < config->nphase && t >= config->phase[grasp->phase].until_s) {
         grasp->phase++;

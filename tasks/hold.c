@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Task hold: every joint moves to the initial pose and stays there, on any robot. The verdict uses
- * the link encoders: after a second of settling, no joint may be farther from its angle than the
- * tolerance. The message names the joints with the largest deviation.
+ * Task hold: every joint moves to the initial pose and stays there. It works on any robot. The
+ * verdict uses the link encoders: after a second of settling, no joint may deviate by more than the
+ * tolerance. The message names the joints with the largest deviations.
  */
 #include "tasks/task_private.h"
 
@@ -36,14 +36,14 @@ static enum task_status hold_step(struct task *task, double t_s)
     double *worst = task->state, held_s = t_s - HOLD_RAMP_S - HOLD_SETTLE_S;
 
     task_move_pose(task, NULL, HOLD_RAMP_S, t_s);
-    /* Deviations do not count during the ramp and the settling */
+    /* Ignore deviations during the ramp and the settling */
     if (held_s < 0) {
         if (task->tells) {
             snprintf(task->message, sizeof task->message, "moving into the pose");
         }
         return TASK_RUNNING;
     }
-    /* A joint beyond the tolerance, or without a finite angle, fails at once */
+    /* Fail at once if a joint exceeds the tolerance, or has no finite angle */
     for (size_t i = 0; i < task->config.host.naxis; i++) {
         double deviation = host_joint(task->host, i)->joint_rad - task->config.initial_rad[i];
 
@@ -55,7 +55,7 @@ static enum task_status hold_step(struct task *task, double t_s)
             return TASK_FAILED;
         }
     }
-    /* Held long enough: the verdict names the worst joints */
+    /* End after duration_s with a message about the worst joints */
     if (held_s < config->duration_s) {
         if (task->tells) {
             hold_tell(task, "holding", held_s);

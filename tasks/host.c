@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The host's core: map of boards, time and lockstep, received frames, start-up, health. */
+/* The core of the host: map of the boards, time and lockstep, reception, start-up, health
+ * checks. */
 #include "tasks/host_private.h"
 
 #include "base/array.h"
@@ -9,17 +10,17 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Checks whether the boards are healthy, with a message if not. */
+/* ---- health ---- */
 
 /* longest time without rotor positions */
 static const int64_t TELEMETRY_TIMEOUT_NS = 200 * HOST_MS;
-/* longest time without values of a watched sensor, ... */
+/* longest time without values of a watched sensor, */
 static const int64_t SENSOR_TIMEOUT_NS = 100 * HOST_MS;
-enum { SENSOR_TIMEOUT_PERIODS = 10 }; /* ... or this number of its periods, if that is longer */
+enum { SENSOR_TIMEOUT_PERIODS = 10 }; /* or this number of the sensor's periods, if longer */
 
 enum { TRAFFIC_TEXT = 96 };
 
-/* Writes how many frames the host has exchanged on a bus, if it fails while it starts up. Returns
+/* Writes the numbers of frames exchanged on a bus, for messages about a failed start-up. Returns
  * text. */
 static const char *host_list_traffic(const struct host *host, size_t bus, char text[TRAFFIC_TEXT])
 {
@@ -37,7 +38,7 @@ void host_fail_node(struct host *host, size_t bus, unsigned address, const char 
 {
     char traffic[TRAFFIC_TEXT];
 
-    if (host->phase != HOST_FAILED) { /* keep the first failure, which caused the others */
+    if (host->phase != HOST_FAILED) { /* keep the first failure, because it caused the others */
         snprintf(host->message, sizeof host->message, "board %u on %s %s%s", address,
                  host->config.port[bus]->bus, what, host_list_traffic(host, bus, traffic));
         host->phase = HOST_FAILED;
@@ -79,8 +80,8 @@ void host_watch_motion(struct host *host)
     host->motion_watched = true;
 }
 
-/* Fails the host when a required value is too old: its time is time_ns, -1 = never. Values from
- * before the end of the start-up count from that end. */
+/* Fails the host if a required value is too old. time_ns: time of the value; -1 = no value yet.
+ * Ages are counted from the end of the start-up at the earliest. */
 static void host_judge_sensor(struct host *host, int bus, unsigned address, int64_t time_ns,
                               const char *what)
 {
@@ -127,7 +128,7 @@ bool host_healthy(struct host *host)
         const struct host_joint *joint = &host->joint[i];
 
         if (joint->motor != HOST_MOTOR_ON) {
-            /* Off without a fault: the board has restarted */
+            /* A motor that is off without a fault means that the board has restarted */
             host->lost = joint->motor == HOST_MOTOR_OFF;
             host_fail_joint(host, i,
                             joint->motor == HOST_MOTOR_OTHER ? "is in a mode that was not commanded"
@@ -151,13 +152,13 @@ bool host_lost(const struct host *host)
     return host->phase == HOST_FAILED && host->lost;
 }
 
-/* The host's start-up: finds its boards, configures each, switches the motors on. */
+/* ---- start-up: discover, configure, switch the motors on ---- */
 
 static const int64_t DISCOVERY_TIMEOUT_NS = 8000 * HOST_MS; /* boards may boot for five seconds */
 static const int64_t DISCOVERY_REPEAT_NS = 250 * HOST_MS;
 /* a status follows a mode change within 10 ms */
 static const int64_t ENABLE_TIMEOUT_NS = 1000 * HOST_MS;
-/* time-out of a request, as in real hosts */
+/* timeout of a request, as in real hosts */
 static const int64_t REPLY_TIMEOUT_NS = 300 * HOST_MS;
 
 enum { REQUEST_TRIES = 3 };
@@ -168,7 +169,7 @@ static void host_enter_phase(struct host *host, enum host_phase phase)
     host->phase_since_ns = host->now_ns;
 }
 
-/* Calls step for every board of this host. Returns true when all calls did. */
+/* Calls step for every board of this host. Returns true if all calls returned true. */
 static bool host_every_node(struct host *host,
                             bool (*step)(struct host *, size_t bus, unsigned address))
 {
@@ -202,13 +203,13 @@ static bool host_fail_missing(struct host *host, size_t bus, unsigned address)
 /* Sends discovery until all boards have answered; fails after DISCOVERY_TIMEOUT_NS. */
 static enum host_phase host_discover(struct host *host)
 {
-    /* Boards may have reported before the first request, which they need all the same */
+    /* Send at least one request, because boards need it even if they have already reported */
     if (host->asked && host_every_node(host, host_node_found)) {
         host_enter_phase(host, HOST_CONFIGURING);
         return host->phase;
     }
 
-    /* Repeat it, because a booting board answers late */
+    /* Repeat the request, because a booting board answers late */
     if (!host->asked) {
         host->phase_since_ns = host->now_ns;
     }
@@ -220,15 +221,15 @@ static enum host_phase host_discover(struct host *host)
         host->asked_ns = host->now_ns;
     }
 
-    /* The message names the first missing board */
+    /* Report the first missing board */
     if (host->now_ns - host->phase_since_ns > DISCOVERY_TIMEOUT_NS) {
         host_every_node(host, host_fail_missing);
     }
     return host->phase;
 }
 
-/* Sends a board its requests in order, each repeated until answered. Returns true when all are
- * answered. */
+/* Sends a board its requests in order, and repeats each until the board answers. Returns true if
+ * all are answered. */
 static bool host_configure_node(struct host *host, size_t bus, unsigned address)
 {
     struct host_line *line = &host->line[bus];
@@ -237,14 +238,14 @@ static bool host_configure_node(struct host *host, size_t bus, unsigned address)
     bool waits = node->answered < node->requested;
     int64_t took_ns = host->now_ns - node->request_time_ns;
 
-    /* The round trip time is that of a request that was sent only once */
+    /* Measure the round trip time only with requests that were sent once */
     if (node->timed && !waits) {
         node->timed = false;
         if (line->round_trip_ns == 0 || took_ns < line->round_trip_ns) {
             line->round_trip_ns = took_ns;
         }
     }
-    /* An answer is missing: wait, give up, or repeat the request */
+    /* If the answer is missing, wait, give up, or repeat the request */
     if (waits && took_ns <= REPLY_TIMEOUT_NS) {
         return false;
     }
@@ -260,7 +261,7 @@ static bool host_configure_node(struct host *host, size_t bus, unsigned address)
     if (!line->ops->request || !line->ops->request(host, bus, address, node->answered, &request)) {
         return true;
     }
-    /* Requests without an answer count as answered */
+    /* Count requests that expect no answer as answered */
     host_queue(host, bus, &request.frame);
     node->request_id = request.frame.id;
     node->requested = node->answered + 1;
@@ -271,15 +272,16 @@ static bool host_configure_node(struct host *host, size_t bus, unsigned address)
     return false;
 }
 
-/* Switches all motors off, then on, until every board reports it; fails after ENABLE_TIMEOUT_NS. */
+/* Switches all motors off, then on, until every board reports "on". Fails after
+ * ENABLE_TIMEOUT_NS. */
 static enum host_phase host_enable_motors(struct host *host)
 {
     bool all = true;
 
-    /* Off first, to clear old faults; then on, and repeat for motors that have not followed */
+    /* Switch off first, to clear old faults, then on. Repeat for motors that have not followed */
     if (host->enabling < 2 || host->now_ns - host->asked_ns >= REPLY_TIMEOUT_NS) {
         for (size_t i = 0; i < host->config.naxis; i++) {
-            /* A motor that an earlier host left on must report that it was off */
+            /* If an earlier host left a motor on, wait until the motor reports "off" */
             if (host->enabling == 0 && host->joint[i].motor == HOST_MOTOR_ON) {
                 host->joint[i].motor = HOST_MOTOR_UNKNOWN;
             }
@@ -291,7 +293,7 @@ static enum host_phase host_enable_motors(struct host *host)
         host->asked_ns = host->now_ns;
     }
 
-    /* On = reported on, with values from both encoders */
+    /* A motor counts as on if it reports "on" and values from both encoders */
     for (size_t i = 0; i < host->config.naxis; i++) {
         const struct host_joint *joint = &host->joint[i];
         bool ready =
@@ -344,9 +346,9 @@ enum host_phase host_start_up(struct host *host)
 
 enum {
     RECEIVE_BATCH = 64,
-    BATCHES_MAX = 64, /* limit per bus and period, so that a flood cannot delay the period */
-    /* largest distance of a tick in an answer to a repeated STEP; a larger one means a restarted
-     * simulator */
+    BATCHES_MAX = 64, /* limit per bus and period, so that many frames cannot delay the period */
+    /* maximum tick difference in the answer to a repeated STEP; a larger difference means that the
+     * simulator has restarted */
     STEPS_APART = 50,
 };
 
@@ -354,7 +356,7 @@ static const int64_t STEP_REPEAT_NS = 100000000;
 
 /* ---- creation ---- */
 
-/* Initializes the state of a bus. ERROR_INPUT when no host supports its protocol. */
+/* Initializes the state of a bus. Returns ERROR_INPUT if no host supports the bus's protocol. */
 static enum error_code host_open_line(struct host *host, size_t bus, struct arena *arena,
                                       struct error *error)
 {
@@ -386,8 +388,8 @@ static enum error_code host_open_line(struct host *host, size_t bus, struct aren
     return ERROR_NONE;
 }
 
-/* Finds the node at an address of a bus and checks its kind; the first call sets the kind.
- * ERROR_INPUT when the bus or the address does not exist. */
+/* Finds the node at an address of a bus and checks its kind. The first call sets the kind. Returns
+ * ERROR_INPUT if the bus or the address does not exist. */
 static enum error_code host_claim_node(struct host *host, int bus, unsigned address,
                                        enum host_kind kind, struct host_node **out,
                                        struct error *error)
@@ -433,8 +435,8 @@ static enum error_code host_map_axis(struct host *host, size_t index, struct err
         return code;
     }
 
-    /* The motor: one joint per axis. If the boards do not report the link's angle, computing it
-     * needs gear and spring */
+    /* Map the motor: one joint per axis. If the boards do not report the link's angle, require gear
+     * and spring, because the host computes it from them */
     ops = host->line[axis->bus].ops;
     if (axis->axis >= host->line[axis->bus].protocol->axes_max || node->axis[axis->axis] >= 0) {
         return error_set(error, ERROR_INPUT, "host: joint %s shares its axis", axis->joint);
@@ -449,7 +451,7 @@ static enum error_code host_map_axis(struct host *host, size_t index, struct err
                          axis->joint);
     }
 
-    /* The torque, if a separate board measures it */
+    /* Map the torque, if a separate board measures it */
     host->joint[index].torque_told = !ops->torque_apart || axis->torque_address >= 0;
     if (axis->torque_address < 0) {
         return ERROR_NONE;
@@ -483,7 +485,7 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
         host->volts = arena_alloc(arena, config->naxis, sizeof *host->volts);
         host->want = arena_alloc(arena, config->naxis, sizeof *host->want);
     }
-    /* Nothing grows later, so that the loop never allocates */
+    /* Allocate everything here, so that the loop never allocates */
     if (!host || !host->line || !host->joint || !host->force || !host->force_watched ||
         !host->volts || !host->want) {
         return error_set(error, ERROR_MEMORY, "no memory for the host");
@@ -496,7 +498,7 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
         }
     }
 
-    /* Map the rig: which axis or sensor is at which address */
+    /* Map axes and sensors to addresses */
     for (size_t i = 0; i < config->naxis; i++) {
         code = host_map_axis(host, i, error);
         if (code) {
@@ -531,19 +533,19 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
     return code;
 }
 
-/* ---- what arrives ---- */
+/* ---- receiving ---- */
 
 struct host_joint *host_node_joint(struct host *host, const struct host_node *node, int axis)
 {
     return node->axis[axis] < 0 ? NULL : &host->joint[node->axis[axis]];
 }
 
-/* Handles a DONE with another tick than the STEP's: adopts the simulator's tick, or fails when the
+/* Handles a DONE whose tick is not the STEP's tick. Adopts the simulator's tick, or fails if the
  * simulator has restarted. */
 static void host_read_refusal(struct host *host, uint32_t tick)
 {
     if (tick == host->step_tick) {
-        return; /* answers an earlier copy of a repeated STEP; the present one will run */
+        return; /* answer to an earlier copy of a repeated STEP */
     }
     if (tick + STEPS_APART < host->step_tick && host->phase != HOST_FAILED) {
         host->phase = HOST_FAILED;
@@ -555,7 +557,7 @@ static void host_read_refusal(struct host *host, uint32_t tick)
     host->tick = tick;
 }
 
-/* Reads a DONE frame: the bus has finished its tick, refuses the STEP, or is stopping. */
+/* Reads a DONE frame: the bus has finished its tick, has refused the STEP, or is stopping. */
 static void host_read_done(struct host *host, struct host_line *line, const struct bus_frame *frame)
 {
     uint32_t tick;
@@ -569,7 +571,8 @@ static void host_read_done(struct host *host, struct host_line *line, const stru
     if (flags & LOCKSTEP_MISMATCH && tick != host->step_tick + 1) {
         host_read_refusal(host, tick);
     } else {
-        /* Or it refuses a copy of a STEP that has run and whose DONE was lost */
+        /* The simulator may refuse a copy of a STEP because the STEP has run and its DONE was
+         * lost */
         line->done = true;
         host->tick = tick;
     }
@@ -580,7 +583,7 @@ static void host_read_done(struct host *host, struct host_line *line, const stru
     }
 }
 
-/* Returns whether boards of the bus may have sent this frame. */
+/* Returns whether the frame may come from a board of the bus. */
 static bool host_hears(const struct host_line *line, const struct bus_frame *frame)
 {
     return !(frame->flags & (FRAME_ERROR | FRAME_REMOTE)) &&
@@ -631,7 +634,7 @@ bool host_receive(struct host *host, int64_t now_ns)
     if (!host->config.lockstep) {
         return true;
     }
-    /* Lockstep: the period begins when every bus has finished its tick, or the STEP was refused */
+    /* In lockstep, begin the period when every bus has finished its tick, or a STEP was refused */
     if (host->step_waits && !all_done && !host->step_refused) {
         return false;
     }
@@ -779,7 +782,7 @@ void host_repeat_step(struct host *host, int64_t now_ns)
     }
 }
 
-/* ---- what others ask ---- */
+/* ---- access functions ---- */
 
 const struct host_joint *host_joint(const struct host *host, size_t axis)
 {

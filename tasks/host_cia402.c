@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The host's side of boards/cia402/protocol.h. In the start-up it resets the communication of all
- * nodes and requests their device types. By SDO it sets up each node's PDOs (struct cia402_plan)
- * and the voltage mode of its axes. It then starts the node, and again if the heartbeat shows
- * another state. Every period it sends the voltages of each node and a SYNC, which triggers all
- * telemetry. Controlwords switch the motors, one transition of the state machine at a time, as the
- * statuswords report.
+ * The host's side of boards/cia402/protocol.h. The start-up resets the communication of all nodes,
+ * and requests their device types. SDOs then set up each node's PDOs (struct cia402_plan) and the
+ * voltage mode of its axes. The host then starts the node. It starts the node again if the
+ * heartbeat shows another state.
  *
- * While a node does not follow them, the last controlwords are repeated every CONTROL_REPEAT_NS.
+ * Every period, the host sends the voltages of each node and a SYNC, which triggers all telemetry.
+ * Controlwords switch the motors. Each controlword makes one transition of the state machine, and
+ * the statusword confirms it. Without a confirmation, the controlwords are repeated every
+ * CONTROL_REPEAT_NS.
  */
 #include "tasks/host_private.h"
 
@@ -18,11 +19,11 @@
 
 enum { NODE_ID_MASK = 0x7f, SYNCS_MAX = 240 };
 
-/* least time between SYNCs, for one SYNC per period */
+/* minimum time between SYNCs, so that each period has only one */
 static const int64_t SYNC_APART_NS = 3 * HOST_MS / 4;
 static const int64_t CONTROL_REPEAT_NS = 10 * HOST_MS;
 
-/* Returns the number of axes of a motor board up to the last one that the host uses; 0 for other
+/* Returns the number of axes of a motor board, up to the last axis that the host uses; 0 for other
  * boards. */
 static unsigned host_cia402_axes(const struct host_node *node)
 {
@@ -34,9 +35,9 @@ static unsigned host_cia402_axes(const struct host_node *node)
     return node->kind == HOST_MOTOR_BOARD ? axes : 0;
 }
 
-/* ---- what arrives ---- */
+/* ---- receiving ---- */
 
-/* Reads the statuswords of a motor board, one for each axis, into the states of its motors. */
+/* Reads the statuswords of a motor board, one per axis, and sets the states of its motors. */
 static void host_cia402_read_status(struct host *host, struct host_node *node,
                                     const struct bus_frame *frame)
 {
@@ -55,7 +56,7 @@ static void host_cia402_read_status(struct host *host, struct host_node *node,
     }
 }
 
-/* Reads a TPDO of the predefined connection set, by its number from 0. */
+/* Reads a TPDO of the predefined connection set. number: from 0. */
 static void host_cia402_read_pdo(struct host *host, struct host_node *node, unsigned number,
                                  const struct bus_frame *frame)
 {
@@ -65,7 +66,7 @@ static void host_cia402_read_pdo(struct host *host, struct host_node *node, unsi
     int32_t motor;
 
     switch (node->kind) {
-    /* Rotor angle, deflection of the spring, torque of an axis */
+    /* Read rotor angle, spring deflection and torque of an axis */
     case HOST_MOTOR_BOARD:
         joint = number < HOST_AXES ? host_node_joint(host, node, (int)number) : NULL;
         if (joint && frame->len == 8) {
@@ -111,8 +112,8 @@ static void host_cia402_queue(struct host *host, size_t bus, uint32_t id, uint8_
     host_queue(host, bus, &frame);
 }
 
-/* Reads a heartbeat. A node that boots has lost its settings, and its motors are off. A waiting
- * node is started. */
+/* Reads a heartbeat. A node that boots has lost its settings, and its motors are off. Starts a node
+ * that waits for its start. */
 static void host_cia402_read_heartbeat(struct host *host, size_t bus, struct host_node *node,
                                        const struct bus_frame *frame)
 {
@@ -141,13 +142,13 @@ static void host_cia402_read_sdo(struct host *host, size_t bus, struct host_node
 {
     unsigned id = frame->id & NODE_ID_MASK, command;
     uint32_t type = node->kind == HOST_MOTOR_BOARD ? CIA402_DEVICE_DRIVE : CIA402_DEVICE_SENSOR;
-    uint32_t profile = type & 0xffff; /* what is above depends on the number of axes */
+    uint32_t profile = type & 0xffff; /* the upper bits depend on the number of axes */
     struct host_request request;
 
     if (frame->len != CIA402_SDO_LENGTH) {
         return;
     }
-    /* Discovery: the node reports its device type */
+    /* In discovery, the node reports its device type */
     command = frame->data[0] & CIA402_COMMAND_MASK;
     if (!node->found) {
         if (command != CIA402_UPLOAD_REPLY || get_u16_le(frame->data + 4) != profile) {
@@ -158,7 +159,7 @@ static void host_cia402_read_sdo(struct host *host, size_t bus, struct host_node
         return;
     }
 
-    /* Is it the answer to the last request, for the same object? */
+    /* Accept only an answer to the last request, for the same object */
     if (node->answered == node->requested ||
         !host_cia402.request(host, bus, id, node->answered, &request) ||
         memcmp(request.frame.data + 1, frame->data + 1, 3) != 0) {
@@ -178,7 +179,7 @@ static void host_cia402_read_frame(struct host *host, size_t bus, const struct b
     struct host_node *node = id < HOST_ADDRESSES ? &host->line[bus].node[id] : NULL;
     bool gone;
 
-    /* Statuswords have identifiers of their own above those of the first TPDOs */
+    /* Statuswords have separate identifiers, above the identifiers of the first TPDOs */
     if (id >= 0x40 && id - 0x40 < HOST_ADDRESSES && function == CIA402_TPDO) {
         node = &host->line[bus].node[id - 0x40];
         if (node->kind == HOST_MOTOR_BOARD) {
@@ -219,8 +220,8 @@ static void host_cia402_read_frame(struct host *host, size_t bus, const struct b
 
 /* ---- the start-up ---- */
 
-/* Resets the communication of all nodes to their stored state, for any earlier host, then requests
- * their device types. */
+/* Resets the communication of all nodes, which removes the settings of an earlier host. Then
+ * requests the nodes' device types. */
 static void host_cia402_discover(struct host *host, size_t bus)
 {
     const uint8_t reset[CIA402_NMT_LENGTH] = {CIA402_NMT_RESET_COMMUNICATION};
@@ -243,8 +244,9 @@ struct setting {
     uint32_t value;
 };
 
-/* Finds write number `step` of a PDO's setup: disable, parameters, no objects, each object, number
- * of objects, enable (CiA 301 requires this order). Returns the number of writes. */
+/* Finds write number `step` of the setup of a PDO. CiA 301 requires this order: disable,
+ * parameters, zero objects, each object, number of objects, enable. Returns the number of
+ * writes. */
 static unsigned host_cia402_plan_pdo(const struct cia402_plan *plan, unsigned id, unsigned type,
                                      unsigned step, struct setting *setting)
 {
@@ -268,15 +270,15 @@ static unsigned host_cia402_plan_pdo(const struct cia402_plan *plan, unsigned id
         *setting = after[step - objects];
     }
 
-    /* RPDOs have no event timer here */
+    /* The host uses no event timer for RPDOs */
     if (plan->receive && step == 2) {
         *setting = before[1];
     }
     return objects + 2;
 }
 
-/* Finds write number `number` to a node: its PDOs, the modes of its axes, its heartbeat. Returns
- * false when there are no more. */
+/* Finds write `number` to a node: its PDOs, the modes of its axes, its heartbeat, in this order.
+ * Returns false if there are no more writes. */
 static bool host_cia402_find_setting(const struct host *host, const struct host_node *node,
                                      unsigned id, unsigned number, struct setting *setting)
 {
@@ -287,7 +289,7 @@ static bool host_cia402_find_setting(const struct host *host, const struct host_
     int64_t sync_ns = host->config.period_ns > HOST_MS ? host->config.period_ns : HOST_MS;
     struct cia402_plan plan;
 
-    /* PDOs follow every n-th SYNC, by the rig's period */
+    /* A PDO is sent at every n-th SYNC, according to the rig's period */
     for (unsigned row = 0; cia402_plan_row(kind, axes, row, &plan); row++) {
         int64_t syncs = node->period_ns / sync_ns * plan.type;
         unsigned type = plan.type > SYNCS_MAX || syncs < 1 ? plan.type
@@ -318,7 +320,7 @@ static bool host_cia402_request(const struct host *host, size_t bus, unsigned ad
     uint8_t data[CIA402_SDO_LENGTH] = {0};
     struct setting setting;
 
-    /* An expedited SDO download, confirmed by the node */
+    /* Write an object by an expedited SDO download, which the node confirms */
     if (host_cia402_find_setting(host, node, address, (unsigned)number, &setting)) {
         data[0] =
             (uint8_t)(CIA402_DOWNLOAD | (4 - setting.bytes) << 2 | CIA402_EXPEDITED | CIA402_SIZED);
@@ -344,8 +346,8 @@ static bool host_cia402_request(const struct host *host, size_t bus, unsigned ad
 
 /* ---- every period ---- */
 
-/* Stores the requested state of a motor; controlwords follow at the end of the period. Switching
- * off also resets its faults. */
+/* Stores the requested state of a motor. The controlwords are sent at the end of the period.
+ * Switching off also resets the motor's faults. */
 static void host_cia402_set_motor(struct host *host, size_t axis, bool on)
 {
     const struct host_axis *to = &host->config.axis[axis];
@@ -363,7 +365,7 @@ static uint16_t host_cia402_control(struct host_node *node, int axis)
 {
     unsigned state = node->statusword[axis] & CIA402_SW_STATE_MASK;
 
-    /* The edge of a bit resets an old fault, once per switching off */
+    /* A rising bit resets an old fault, once after each switching off */
     if (state & CIA402_SW_FAULT && node->clearing[axis]) {
         return node->controlword[axis] & CIA402_CW_FAULT_RESET ? 0 : CIA402_CW_FAULT_RESET;
     }
@@ -384,7 +386,7 @@ static uint16_t host_cia402_control(struct host_node *node, int axis)
     }
 }
 
-/* Queues the controlwords of a node when one has changed, or again while the node does not
+/* Queues the controlwords of a node if one has changed. Repeats them while the node does not
  * follow. */
 static void host_cia402_queue_control(struct host *host, size_t bus, unsigned id)
 {
@@ -426,7 +428,7 @@ static void host_cia402_end_period(struct host *host, size_t bus)
         if (axes > 0 && node->status_seen) {
             host_cia402_queue_control(host, bus, id);
         }
-        /* The voltages of all axes in one RPDO */
+        /* Send the voltages of all axes in one RPDO */
         for (unsigned k = 0; k < axes; k++) {
             double volts = node->axis[k] < 0 ? 0.0 : host->volts[node->axis[k]];
             double counts = fmin(fmax(volts / CIA402_VOLTAGE_V, -INT16_MAX), INT16_MAX);

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The host's side of a protocol that a file describes. Its section `host` lists the frames that
- * discover, configure, switch and command. The task's voltage is converted to the set point of the
- * frame. This can be the current that the voltage drives through the winding against the back-EMF,
- * or the torque of this current. For an impedance it is this torque minus the part of kp and kd
- * (from the file) at the reference.
+ * The host's side of a protocol that a file describes. The file's section `host` lists the frames
+ * that discover, configure, switch and command the boards. The host converts the task's voltage to
+ * the set point of the frame. A set point may be the current that the voltage drives through the
+ * winding against the back-EMF, or the torque of this current. For an impedance, it is this torque
+ * minus the torque that the drive adds with kp and kd (from the file) at the reference.
  */
 #include "tasks/host_private.h"
 
@@ -23,7 +23,7 @@ static const struct described_protocol *described_line_protocol(const struct hos
     return host->config.bus[bus].described;
 }
 
-/* Returns the kind of a board (enum described_kind); 0 = not in such a protocol. */
+/* Returns the kind of a board (enum described_kind); 0 = no kind of a described protocol. */
 static unsigned described_node_kind(const struct host_node *node)
 {
     return node->kind == HOST_MOTOR_BOARD      ? DESCRIBED_MOTOR
@@ -32,7 +32,7 @@ static unsigned described_node_kind(const struct host_node *node)
                                                : 0;
 }
 
-/* ---- what is sent ---- */
+/* ---- sending ---- */
 
 /* A frame to fill, and the data for its fields. */
 struct described_letter {
@@ -45,7 +45,7 @@ struct described_letter {
     int64_t period_ns;
 };
 
-/* Returns the file's value for a field of this meaning; 0 without such a field. */
+/* Returns the file's value for the field with this meaning; 0 if the frame has no such field. */
 static double host_value_of(const struct described_frame *row, enum described_meaning meaning)
 {
     int field = described_find_field(row, meaning);
@@ -53,13 +53,13 @@ static double host_value_of(const struct described_frame *row, enum described_me
     return field < 0 ? 0.0 : row->field[field].host;
 }
 
-/* Returns the reference of a motor, rad; before the first one, its present angle. */
+/* Returns the reference of a motor, rad; before the first reference, the motor's present angle. */
 static double described_wanted_rad(const struct host *host, size_t axis)
 {
     return host->want[axis].referred ? host->want[axis].rad : host->joint[axis].motor_rad;
 }
 
-/* Returns the steady-state current (A) that the voltage drives through the winding against the
+/* Returns the steady-state current (A) that the voltage drives through the winding, against the
  * back-EMF. */
 static double described_wanted_a(const struct host *host, size_t axis)
 {
@@ -81,8 +81,8 @@ static double described_wanted_nm(const struct host *host, size_t axis,
            kd * (host->want[axis].rad_s - host->want[axis].motor_rad_s);
 }
 
-/* Returns a set point in SI units, or the file's value (otherwise) if the task has none. Drives
- * that close a speed or position loop make the torque themselves. */
+/* Returns a set point in SI units. otherwise: the file's value, for meanings without a set point of
+ * the task. Drives that close a speed or position loop compute the torque themselves. */
 static double described_target(const struct host *host, const struct described_protocol *protocol,
                                size_t axis, const struct described_frame *row,
                                enum described_meaning meaning, double otherwise)
@@ -109,19 +109,19 @@ static double described_target(const struct host *host, const struct described_p
     }
 }
 
-/* Returns the count of field i of a frame to send. */
+/* Returns the raw value (count) of field i of a frame to send. */
 static int64_t described_letter_count(const struct host *host,
                                       const struct described_protocol *protocol,
                                       const struct described_letter *letter, size_t i)
 {
     const struct described_field *field = &letter->row->field[i];
-    /* The axis of the frame, or the field's own axis in a frame for a whole board */
+    /* Use the axis of the frame; in a frame for a whole board, the axis of the field */
     int axis =
         letter->row->of_one || !letter->node ? letter->axis : letter->node->axis[field->axis];
     const struct described_state *state = &protocol->state[protocol->host.on_state];
 
     switch (field->meaning) {
-    /* Identity of the frame: constants, selections, addresses, states */
+    /* Fields that identify the frame: constants, selections, addresses, states */
     case DESCRIBED_CONSTANT:
         return field->constant;
     case DESCRIBED_SLOTS_MASK:
@@ -132,7 +132,7 @@ static int64_t described_letter_count(const struct host *host,
         return letter->axis < 0 ? 0 : host->config.axis[letter->axis].axis;
     case DESCRIBED_STATE:
         return protocol->state[letter->state].value;
-    /* Physical values: in the scale of the state's law, or of the field */
+    /* Physical values. The scale is given by the state's control law, or by the field */
     case DESCRIBED_TELEMETRY_PERIOD:
         return described_count(field, (double)letter->period_ns * 1e-9);
     case DESCRIBED_SET_POINT:
@@ -148,7 +148,8 @@ static int64_t described_letter_count(const struct host *host,
     }
 }
 
-/* Writes the identifier and the data of a frame, or of one repetition, and advances its counter. */
+/* Writes identifier and data of a frame, or the data of one repetition, and advances its
+ * counter. */
 static void described_fill(const struct host *host, size_t bus,
                            const struct described_letter *letter, unsigned number, unsigned part,
                            struct bus_frame *frame)
@@ -183,7 +184,7 @@ static struct bus_frame described_write(const struct host *host, size_t bus,
     return frame;
 }
 
-/* Queues a frame that is not for one axis: once per bus, or once per board of its kinds. */
+/* Queues a frame that does not belong to one axis: once per bus, or once per board of its kinds. */
 static void described_send_to_boards(struct host *host, size_t bus,
                                      const struct described_frame *row)
 {
@@ -244,7 +245,7 @@ static bool host_described_request(const struct host *host, size_t bus, unsigned
     return false;
 }
 
-/* Notes the slot of a switched motor; its frames are queued at the end of the period. */
+/* Stores the slot of a switched motor. Its frames are queued at the end of the period. */
 static void host_described_set_motor(struct host *host, size_t axis, bool on)
 {
     struct host_line *line = &host->line[host->config.axis[axis].bus];
@@ -258,7 +259,7 @@ static void host_described_set_motor(struct host *host, size_t axis, bool on)
     }
 }
 
-/* Queues a frame for one axis, or for its board, which gets it with its first axis. */
+/* Queues a frame for one axis. A frame for a whole board is queued once, with the first axis. */
 static void described_send_to_axis(struct host *host, size_t bus, const struct described_frame *row,
                                    unsigned slot, int state)
 {
@@ -273,7 +274,7 @@ static void described_send_to_axis(struct host *host, size_t bus, const struct d
     struct bus_frame frame;
 
     if (!row->of_one && of->axis > 0) {
-        return; /* the first axis has sent it */
+        return; /* queued with the first axis */
     }
     frame = described_write(host, bus, &letter,
                             row->by == DESCRIBED_BY_ADDRESS ? of->address
@@ -282,8 +283,8 @@ static void described_send_to_axis(struct host *host, size_t bus, const struct d
     host_queue(host, bus, &frame);
 }
 
-/* Queues the frames that switch a set of slots on or off, and empties the set: one frame if a field
- * selects axes, else one per axis. */
+/* Queues the frames that switch a set of slots on or off, and clears the set. Queues one frame if a
+ * field selects axes, otherwise one frame per axis. */
 static void described_send_switches(struct host *host, size_t bus, bool on, uint32_t *slots)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
@@ -309,7 +310,7 @@ static void described_send_switches(struct host *host, size_t bus, bool on, uint
     *slots = 0;
 }
 
-/* Queues the set points of a group of axes in one frame, up to the last axis. */
+/* Queues the set points of a group of axes in one frame. */
 static void described_send_group(struct host *host, size_t bus, const struct described_frame *row,
                                  unsigned first)
 {
@@ -330,7 +331,7 @@ static void described_send_group(struct host *host, size_t bus, const struct des
     }
 }
 
-/* Queues the frames of a period: motors that are switched, then set-points. */
+/* Queues the frames of a period: first switched motors, then set points. */
 static void host_described_end_period(struct host *host, size_t bus)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
@@ -339,7 +340,7 @@ static void host_described_end_period(struct host *host, size_t bus)
     described_send_switches(host, bus, false, &line->slots_off);
     described_send_switches(host, bus, true, &line->slots_on);
 
-    /* Set points by group or by axis, as in the file */
+    /* Queue set points by group or by axis, as in the file */
     for (size_t i = 0; i < protocol->host.command.count && line->driving; i++) {
         const struct described_frame *row = &protocol->frame[protocol->host.command.frame[i]];
 
@@ -354,18 +355,18 @@ static void host_described_end_period(struct host *host, size_t bus)
     }
 }
 
-/* ---- what arrives ---- */
+/* ---- receiving ---- */
 
-/* A frame from a board: its row, board and axis. */
+/* A received frame: its row in the file, its board and its axis. */
 struct described_news {
     const struct bus_frame *frame;
     const struct described_frame *row;
     struct host_node *node;
     int axis;      /* axis of the board, 0 to HOST_AXES - 1 */
-    unsigned part; /* repetition of its fields */
+    unsigned part; /* number of the repetition */
 };
 
-/* Returns the count of the field with a meaning; `otherwise` without such a field. */
+/* Returns the raw value (count) of the field with a meaning; `otherwise` if there is none. */
 static int64_t described_news_count(const struct described_news *news,
                                     enum described_meaning meaning, int64_t otherwise)
 {
@@ -376,15 +377,15 @@ static int64_t described_news_count(const struct described_news *news,
                                      news->part * news->row->length);
 }
 
-/* Finds the sending board and axis by the number in the identifier or by a field. Returns false
- * when the host does not use them. */
+/* Finds the board and axis of a frame from the number in the identifier, or from a field. Returns
+ * false if the host does not use this board or axis. */
 static bool described_find_node(const struct host *host, struct host_line *line, unsigned number,
                                 struct described_news *news)
 {
     int slot = news->row->by == DESCRIBED_BY_SLOT ? line->slot[number] : 0;
     int64_t address = number, axis = 0;
 
-    /* The identifier contains the axis of the bus or the address; otherwise a field does */
+    /* The identifier or a field contains the number of the axis on the bus, or the address */
     if (slot < 0) {
         return false;
     }
@@ -404,7 +405,8 @@ static bool described_find_node(const struct host *host, struct host_line *line,
     return described_node_kind(news->node) & news->row->of;
 }
 
-/* Finds the row that matches a frame, and its board. Returns false when there is none. */
+/* Finds the row of the file that matches a frame, and the frame's board. Returns false if no row
+ * matches. */
 static bool host_described_identify(const struct host *host, size_t bus,
                                     struct described_news *news)
 {
@@ -424,7 +426,7 @@ static bool host_described_identify(const struct host *host, size_t bus,
     return false;
 }
 
-/* Returns whether a frame answers a frame of a list, for boards of this kind. */
+/* Returns whether a frame is an answer to a frame in a list, for boards of this kind. */
 static bool described_is_answer(const struct described_protocol *protocol,
                                 const struct described_list *list, unsigned kind,
                                 const struct described_frame *row)
@@ -439,8 +441,8 @@ static bool described_is_answer(const struct described_protocol *protocol,
     return false;
 }
 
-/* Stores the state of a motor from its state's value and its faults. A motor that is off with a
- * fault is in fault, if the protocol has no such state. */
+/* Sets the state of a motor from the reported state and faults. If the protocol has no fault state,
+ * a motor that is off with a fault gets the state "fault". */
 static void described_read_state(const struct described_protocol *protocol,
                                  struct host_joint *joint, int64_t value)
 {
@@ -455,8 +457,8 @@ static void described_read_state(const struct described_protocol *protocol,
                                                       : HOST_MOTOR_OTHER;
 }
 
-/* Stores the rotor's angle. If no frame reports them, computes the link's angle from the spring's
- * torque, and the rate by difference. */
+/* Stores the rotor's angle. If no frame reports the link's angle, computes it from the spring's
+ * torque. If no frame reports the rate, computes it from the difference of two angles. */
 static void described_read_position(struct host *host, const struct described_protocol *protocol,
                                     size_t axis, double rad, bool tells_speed)
 {
@@ -479,7 +481,7 @@ static void described_read_position(struct host *host, const struct described_pr
     }
 }
 
-/* Stores one field of a motor board's frame, from its count. */
+/* Stores one field of a motor board's frame, converted from its raw value. */
 static void described_read_motor_field(struct host *host, const struct described_protocol *protocol,
                                        const struct described_news *news,
                                        const struct described_field *of, int64_t count)
@@ -493,7 +495,7 @@ static void described_read_motor_field(struct host *host, const struct described
     if (axis < 0) {
         return;
     }
-    /* Angles: of the rotor, of the link, or the deflection between them */
+    /* Angles: of the rotor, of the link, or the deflection between both */
     switch (of->meaning) {
     case DESCRIBED_MOTOR_POSITION:
         described_read_position(host, protocol, (size_t)axis, value, tells_speed);
@@ -578,7 +580,7 @@ static void described_read_motion(struct host *host, const struct described_fiel
     }
 }
 
-/* Notes an answer for the start-up. */
+/* Records an answer for the start-up. */
 static void described_note_answer(const struct described_protocol *protocol,
                                   const struct described_news *news)
 {
@@ -596,7 +598,7 @@ static void described_note_answer(const struct described_protocol *protocol,
     }
 }
 
-/* Reads a frame that has arrived (struct host_ops). */
+/* Reads a received frame (struct host_ops). */
 static void host_described_read(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     const struct described_protocol *protocol = described_line_protocol(host, bus);
@@ -606,7 +608,7 @@ static void host_described_read(struct host *host, size_t bus, const struct bus_
         return;
     }
     described_note_answer(protocol, &news);
-    /* A frame with repetitions has one for each axis of the board, in order */
+    /* Read the repetitions, one for each axis of the board, in order */
     do {
         for (size_t i = 0; i < news.row->nread; i++) {
             const struct described_field *field = &news.row->field[news.row->read[i]];

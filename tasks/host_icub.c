@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The host's side of iCub buses, with BLL or 2FOC motor boards. */
+/* The host's side of the iCub protocols, for BLL and 2FOC motor boards. */
 #include "tasks/host_private.h"
 
 #include "base/portable_math.h"
@@ -18,7 +18,7 @@ void host_read_values(struct host *host, double *to, int64_t *time_ns, const uin
     *time_ns = host->now_ns;
 }
 
-/* ---- icub ---- */
+/* ---- inertial and STRAIN boards ---- */
 
 /* Reads a frame of the inertial board. */
 static void host_inertial_read(struct host *host, const struct bus_frame *frame)
@@ -42,7 +42,8 @@ static void host_inertial_read(struct host *host, const struct bus_frame *frame)
     }
 }
 
-/* Makes a start-up request: firmware version, sensors, then the period, which starts the board. */
+/* Makes a start-up request. In order: firmware version, sensors, and the period, which starts the
+ * board. */
 static bool host_inertial_request(const struct host_node *node, unsigned address, int number,
                                   struct host_request *request)
 {
@@ -83,8 +84,8 @@ static bool host_read_discovery(struct host *host, size_t bus, struct host_node 
     if (frame->id >> 8 != ICUB_MANAGEMENT || (frame->id & 0xf) != ICUB_HOST) {
         return false;
     }
-    /* A bootloader answers with 4 bytes, without a build number, and then waits for its host. Send
-     * it to its application, which answers the next discovery */
+    /* A bootloader answers with 4 bytes, without a build number, and waits. Start the board's
+     * application, which answers the next discovery */
     if (frame->len == 4 && frame->data[0] == ICUB_DISCOVER) {
         struct bus_frame end = frame_make(icub_id(ICUB_MANAGEMENT, ICUB_HOST, address), 1, leave);
 
@@ -110,7 +111,8 @@ static enum host_motor host_motor_of_mode(uint8_t mode)
     }
 }
 
-/* Returns the value of a STRAIN channel: 16 bits offset binary, in units of its full scale. */
+/* Returns the value of a STRAIN channel. data: 16 bits, offset binary, in units of the full
+ * scale. */
 static double host_strain_value(const uint8_t *data, double full_scale)
 {
     return (get_u16_le(data) - ICUB_STRAIN_ZERO) * full_scale / ICUB_STRAIN_ZERO;
@@ -142,7 +144,7 @@ static void host_strain_read_forces(struct host *host, struct host_node *node,
         return;
     }
 
-    /* Joint torques, one channel per joint */
+    /* A torque board sends joint torques, one channel per joint */
     for (int c = 0; c < 3; c++) {
         int axis = node->channel[first + c];
 
@@ -173,8 +175,8 @@ static void host_strain_read(struct host *host, struct host_node *node,
     }
 }
 
-/* Makes a start-up request: firmware version, full scale of each force channel, the rig's period if
- * any, then the transmit command. */
+/* Makes a start-up request. In order: firmware version, full scale of each force channel, the rig's
+ * period if given, and the transmit command. */
 static bool host_strain_request(const struct host_node *node, unsigned address, int number,
                                 struct host_request *request)
 {
@@ -203,17 +205,17 @@ static bool host_strain_request(const struct host_node *node, unsigned address, 
 }
 
 /*
- * The host's side of boards/foc/protocol.h: one axis per board, all set points of a bus in one
- * frame every millisecond, an answer from every board.
+ * The host's side of boards/foc/protocol.h. A board has one axis. One frame per millisecond has the
+ * set points of all boards of a bus, and every board answers.
  */
 
-/* period of DESIRED_TARGETS; the boards answer each one */
+/* period of DESIRED_TARGETS; the boards answer each of these frames */
 static const int64_t TARGET_PERIOD_NS = 1000000;
 
-/* ---- what arrives ---- */
+/* ---- receiving ---- */
 
-/* Reads a periodic frame of a 2FOC board: current and rotor angle, or faults and mode. The link's
- * angle is computed from the measured torque and the spring. */
+/* Reads a periodic frame of a 2FOC board: current and rotor angle, or faults and mode. Computes the
+ * link's angle from the measured torque and the spring. */
 static void host_foc_read_periodic(struct host *host, const struct host_node *node,
                                    const struct bus_frame *frame)
 {
@@ -234,17 +236,18 @@ static void host_foc_read_periodic(struct host *host, const struct host_node *no
     }
 }
 
-/* ---- what is sent ---- */
+/* ---- sending ---- */
 
-/* Writes a current in mA, 1 to INT16_MAX. */
+/* Writes a current in mA, limited to 1 to INT16_MAX. */
 static void host_foc_put_milliamperes(uint8_t *data, double ampere)
 {
     put_u16_le(data, (uint16_t)lrint(fmin(fmax(ampere * 1e3, 1), INT16_MAX)));
 }
 
-/* Computes and writes the PI gains that hold the current at its peak. The board's law runs once a
- * millisecond. The winding's pole is a = exp(-1 ms R/L); the gains place a pole at 1/2. Gains are
- * in thousandths of the supply per mA, as 16 bits with a common shift. */
+/* Computes and writes the PI gains of the board's current limiter, which holds the current at its
+ * peak. The controller runs once per millisecond. The winding's pole is a = exp(-1 ms R/L). The
+ * gains place a pole at 1/2. Their unit is a thousandth of the supply voltage per mA, as 16 bits
+ * with a common shift. */
 static void host_foc_put_current_law(const struct host *host, const struct host_drive *drive,
                                      uint8_t *data)
 {
@@ -252,7 +255,7 @@ static void host_foc_put_current_law(const struct host *host, const struct host_
         drive->winding_h > 0 ? portable_exp(-1e-3 * drive->winding_ohm / drive->winding_h) : 0;
     double sum = 0.5 * drive->winding_ohm / (1 - a) / host->config.supply_v;
     double kp = sum * (1 + a) / 2, ki = sum * (1 - a);
-    /* The largest shift with which both gains fit */
+    /* Find the largest shift with which both gains fit into 16 bits */
     int shift = 15;
 
     while (shift > 0 && fmax(kp, ki) * (1 << shift) > INT16_MAX) {
@@ -263,8 +266,8 @@ static void host_foc_put_current_law(const struct host *host, const struct host_
     data[6] = (uint8_t)shift;
 }
 
-/* Makes a start-up request: firmware version with protocol check, which must come first; motor;
- * current limits; gains of the current law. */
+/* Makes a start-up request. In order: firmware version with protocol check, motor data, current
+ * limits, gains of the current limiter. */
 static bool host_foc_request(const struct host *host, size_t bus, unsigned address, int number,
                              struct host_request *request)
 {
@@ -298,20 +301,20 @@ static bool host_foc_request(const struct host *host, size_t bus, unsigned addre
         host_foc_put_milliamperes(data + 4, 1.5 * axis->drive.current_limit_a);
         host_foc_put_milliamperes(data + 6, 2 * axis->drive.current_limit_a);
         break;
-    default: /* the current limiter's law */
+    default: /* gains of the current limiter */
         data[0] = FOC_SET_CURRENT_PID;
         host_foc_put_current_law(host, &axis->drive, data + 1);
         break;
     }
 
-    /* Only the first is answered */
+    /* The board answers only the first request */
     request->frame = frame_make(icub_id(ICUB_POLLING_MOTOR, ICUB_HOST, address), len, data);
     request->reply = number == 0;
     return number <= 3;
 }
 
-/* Queues DESIRED_TARGETS with the duties of all axes of a bus, when due; never on a bus without
- * motors. */
+/* Queues DESIRED_TARGETS, with the duties of all axes of a bus, when it is due. A bus without
+ * motors gets none. */
 static void host_foc_send_targets(struct host *host, size_t bus)
 {
     struct host_line *line = &host->line[bus];
@@ -335,13 +338,13 @@ static void host_foc_send_targets(struct host *host, size_t bus)
     host_queue(host, bus, &frame);
 }
 
-/* The telemetry that the host needs: POSITION, STATUS, CURRENT, MOTOR_POSITION */
+/* Telemetry that the host needs: POSITION, STATUS, CURRENT, MOTOR_POSITION */
 static const uint32_t POLICY = 1u << (ICUB_POSITION - 1) | 1u << (ICUB_STATUS - 1) |
                                1u << (ICUB_CURRENT - 1) | 1u << (ICUB_MOTOR_POSITION - 1);
 
-/* ---- what arrives ---- */
+/* ---- receiving ---- */
 
-/* Reads a periodic message of a motor board, which has both axes. */
+/* Reads a periodic message of a motor board; it has the values of both axes. */
 static void host_icub_read_periodic(struct host *host, const struct host_node *node,
                                     const struct bus_frame *frame)
 {
@@ -373,7 +376,7 @@ static void host_icub_read_periodic(struct host *host, const struct host_node *n
     }
 }
 
-/* Passes a frame to the reader of its class (struct host_ops). */
+/* Passes a frame to the reader of the frame's class (struct host_ops). */
 static void host_icub_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     struct host_node *node = &host->line[bus].node[frame->id >> 4 & 0xf];
@@ -394,9 +397,9 @@ static void host_icub_read_frame(struct host *host, size_t bus, const struct bus
     }
 }
 
-/* ---- what is sent ---- */
+/* ---- sending ---- */
 
-/* Makes a start-up request: firmware version with protocol check, then the selection of
+/* Makes a start-up request. In order: firmware version with protocol check, selection of
  * telemetry. */
 static bool host_icub_request(const struct host *host, size_t bus, unsigned address, int number,
                               struct host_request *request)
@@ -418,7 +421,7 @@ static bool host_icub_request(const struct host *host, size_t bus, unsigned addr
     return number <= 1;
 }
 
-/* Queues a command to an axis: its byte with the axis bit, then the payload. */
+/* Queues a command to an axis: the command byte with the axis bit, then the payload. */
 static void host_icub_queue_command(struct host *host, size_t axis, uint8_t command, uint8_t len,
                                     const uint8_t *payload)
 {

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The host's side of boards/moteus/protocol.h: one frame per axis and period commands and reads it.
- * The motor runs in position mode with kp scaled to 0 and reproduces the effect of the voltage. The
- * feed-forward torque is the torque of its current at rest. The controller's kd, which is
- * configured equal to the back-EMF, subtracts the effect of the motion at the controller's own
- * rate, without the delay of the bus.
+ * The host's side of boards/moteus/protocol.h. In each period, one frame per axis commands and
+ * reads the controller.
+ *
+ * The controller runs in position mode with kp scaled to 0. It reproduces the effect of a voltage.
+ * The feed-forward torque is the torque that the voltage produces at rest. The controller's kd is
+ * configured to the slope of the back-EMF. It subtracts the effect of the motion at the
+ * controller's own rate, without the delay of the bus.
  */
 #include "tasks/host_private.h"
 
@@ -15,16 +17,16 @@
 
 #define TURN_RAD (2.0 * M_PI)
 
-/* ---- what arrives ---- */
+/* ---- receiving ---- */
 
-/* The registers of a reply that the host uses. */
+/* The registers that the host uses from a reply. */
 struct moteus_reply {
     float value[MOTEUS_R_FAULT + 1]; /* by register */
     uint32_t has;                    /* mask of the registers in the reply */
 };
 
-/* Reads a varuint of one or two bytes, enough for the host's registers. Returns the next byte's
- * index, beyond the end if there is none. */
+/* Reads a varuint of one or two bytes, which is enough for the host's registers. Returns the index
+ * of the next byte. The index is beyond the frame if the varuint is incomplete. */
 static unsigned reply_read_varuint(const struct bus_frame *frame, unsigned at, unsigned *value)
 {
     *value = 0;
@@ -37,7 +39,7 @@ static unsigned reply_read_varuint(const struct bus_frame *frame, unsigned at, u
     return frame->len + 1u;
 }
 
-/* Reads the subframes of a reply, up to an invalid or truncated one. */
+/* Reads the subframes of a reply. Stops at an invalid or truncated subframe. */
 static struct moteus_reply moteus_read_reply(const struct bus_frame *frame)
 {
     struct moteus_reply reply = {.has = 0};
@@ -68,7 +70,7 @@ static struct moteus_reply moteus_read_reply(const struct bus_frame *frame)
     return reply;
 }
 
-/* Returns whether a reply holds all of these registers. */
+/* Returns whether a reply has all of these registers. */
 static bool moteus_has(const struct moteus_reply *reply, uint32_t registers)
 {
     return (reply->has & registers) == registers;
@@ -103,8 +105,8 @@ static void host_moteus_read(struct host *host, size_t bus, const struct bus_fra
                                                              : HOST_MOTOR_OTHER;
         joint->fault = code >= 0 && code < 32 ? UINT32_C(1) << code : 0;
     }
-    /* The absolute encoder gives the link's angle within a turn; the turn nearest to the motor is
-     * used. Both encoders give the spring's torque */
+    /* The absolute encoder gives the link's angle within a turn. Use the turn that is nearest to
+     * the motor's angle. The difference of both encoders gives the spring's torque */
     if (moteus_has(&reply,
                    1u << MOTEUS_R_POSITION | 1u << MOTEUS_R_TORQUE | 1u << MOTEUS_R_ABS_POSITION)) {
         double motor = (double)reply.value[MOTEUS_R_POSITION];
@@ -121,9 +123,9 @@ static void host_moteus_read(struct host *host, size_t bus, const struct bus_fra
     }
 }
 
-/* ---- what is sent ---- */
+/* ---- sending ---- */
 
-/* Queues a frame with or without a command that also reads mode, motion and fault. */
+/* Queues a frame that reads mode, motion and fault. The frame may also have a command. */
 static void host_moteus_queue(struct host *host, size_t bus, unsigned address, unsigned length,
                               const uint8_t *command)
 {
@@ -144,7 +146,7 @@ static void host_moteus_queue(struct host *host, size_t bus, unsigned address, u
     host_queue(host, bus, &frame);
 }
 
-/* Queues the stop of a motor, or its torque. */
+/* Queues a motor's stop command, or its torque command. */
 static void host_moteus_command(struct host *host, size_t axis)
 {
     const struct host_axis *of = &host->config.axis[axis];
@@ -173,7 +175,7 @@ static void host_moteus_command(struct host *host, size_t axis)
     memcpy(&bits, &torque, sizeof bits);
     put_u32_le(drive + 8, bits);
 
-    /* During the start-up a stop first clears the fault of an earlier run */
+    /* During the start-up, send a stop first, which clears a fault of an earlier run */
     if (host->want[axis].on &&
         !(host->phase == HOST_ENABLING && host->joint[axis].motor == HOST_MOTOR_FAULT)) {
         host_moteus_queue(host, (size_t)of->bus, of->address, sizeof drive, drive);
@@ -192,15 +194,15 @@ static void host_moteus_discover(struct host *host, size_t bus)
     }
 }
 
-/* Notes that a motor is switched; the next frame switches it (struct host_ops). */
+/* Stores that a motor is switched. The next frame switches it (struct host_ops). */
 static void host_moteus_set_motor(struct host *host, size_t axis, bool on)
 {
     host->want[axis].on = on;
     host->want[axis].switch_off = !on;
 }
 
-/* Queues a frame for each axis after motors were switched on; before that, the stop of switched
- * motors (struct host_ops). */
+/* Queues a frame for each axis, once motors have been switched on. Before, queues only stop
+ * commands of switched motors (struct host_ops). */
 static void host_moteus_end_period(struct host *host, size_t bus)
 {
     for (size_t axis = 0; axis < host->config.naxis; axis++) {

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The parts of the host. The core (host.c) has phases, time and queues. struct host_ops, one per
- * bus, has the differences between protocols. RT-safe, because all of it runs in the loop.
+ * Declarations shared by the files of the host. The core (host.c) has phases, time and queues.
+ * struct host_ops, one per bus, has the parts that depend on the protocol. RT-safe, because all
+ * functions run in the loop.
  */
 #ifndef TASKS_HOST_PRIVATE_H
 #define TASKS_HOST_PRIVATE_H
@@ -13,11 +14,11 @@
 
 enum {
     HOST_ADDRESSES = 32, /* 0 to 31; each protocol has its own maximum */
-    HOST_AXES = 4,       /* most axes of a motor board */
-    HOST_SLOTS = 32,     /* slots of a bus whose set points go by slot */
+    HOST_AXES = 4,       /* maximum number of axes of a motor board */
+    HOST_SLOTS = 32,     /* slots of a bus, if its protocol addresses set points by slot */
     HOST_ROWS = 64,      /* frames of a described protocol */
     HOST_CHANNELS = 6,   /* channels of a force-torque or torque board */
-    HOST_QUEUE = 96,     /* most frames to one bus in one period */
+    HOST_QUEUE = 96,     /* maximum number of frames to one bus in one period */
 };
 
 enum host_kind {
@@ -40,19 +41,19 @@ struct host_node {
     int tries;                  /* attempts of the last request */
     uint32_t request_id;        /* identifier of the last request */
     int64_t request_time_ns;
-    bool timed;                       /* the last request was sent once and is answered */
+    bool timed;                       /* the round trip of the last request is measured */
     double full_scale[HOST_CHANNELS]; /* full scales that the board reported */
 
     /* cia402 motor boards, by axis */
     uint16_t statusword[HOST_AXES], controlword[HOST_AXES];
-    bool wanted[HOST_AXES], clearing[HOST_AXES]; /* requested on; a fault must be reset */
+    bool wanted[HOST_AXES], clearing[HOST_AXES]; /* requested on; fault to be reset */
     bool status_seen;
     int64_t control_due_ns; /* time to repeat controlwords without effect */
 };
 
 /* described, moteus: reference, switch and measured rate of an axis. */
 struct host_want {
-    double rad, rad_s;   /* reference; before the first one, the motor's position */
+    double rad, rad_s;   /* reference; before the first reference, the motor's position */
     bool referred;       /* a reference has been set */
     bool on, switch_off; /* switch_off: switched off in this period */
     double motor_rad_s;
@@ -88,9 +89,9 @@ struct host {
     int64_t phase_since_ns;
     bool asked;           /* discovery has been sent */
     int64_t asked_ns;     /* time of the last discovery, or of the last switching of motors */
-    int enabling;         /* number of switchings in the start-up: off, on, on, ... */
+    int enabling;         /* number of switch commands in the start-up: off, on, on, ... */
     int64_t now_ns;       /* host time */
-    uint32_t tick;        /* lockstep: the simulator's tick, as known from DONE */
+    uint32_t tick;        /* lockstep: the simulator's tick, from the last DONE */
     uint32_t step_tick;   /* tick in the last STEP */
     int64_t step_sent_ns; /* time of the last STEP on the caller's clock */
     bool step_waits;      /* a STEP is sent, and DONE has not arrived on every bus */
@@ -108,25 +109,26 @@ struct host_request {
 /* The host's side of a protocol. All functions run in the loop; bus is an index. */
 struct host_ops {
     bool extended; /* uses 29-bit identifiers */
-    /* boards report only the rotor's angle: the host computes the link's from gear and spring */
+    /* boards report only the rotor's angle: the host computes the link's angle from the spring */
     bool rotor_only;
-    bool torque_apart; /* boards report no torque; only a torque board does */
+    bool torque_apart; /* motor boards report no torque; a separate torque board does */
     /* Queues the discovery request; answers set `found`. */
     void (*discover)(struct host *host, size_t bus);
-    /* Makes request `number` of a board, from 0; false = no more. NULL = the protocol has none. */
+    /* Makes request `number` (from 0) of a board. Returns false if there are no more. NULL =
+     * none. */
     bool (*request)(const struct host *host, size_t bus, unsigned address, int number,
                     struct host_request *request);
     void (*read)(struct host *host, size_t bus, const struct bus_frame *frame);
     void (*set_motor)(struct host *host, size_t axis, bool on);
-    /* Voltages: set_voltage queues a frame for an axis at once; end_period queues the frames of the
-     * whole bus at the end of the period. Either may be NULL. */
+    /* Send voltages. set_voltage immediately queues a frame for an axis. end_period queues the
+     * frames of the whole bus at the end of the period. One of them may be NULL. */
     void (*set_voltage)(struct host *host, size_t axis);
     void (*end_period)(struct host *host, size_t bus);
     const char *unnamed_fault; /* cause of a fault without a bit, or NULL */
 };
 
-/* Every protocol has a host: its source in tasks/ fills host_NAME, whose name is NAME. The first
- * entry is the default. */
+/* Declares host_NAME for every protocol NAME. A source in tasks/ defines it. The first protocol of
+ * the list is the default. */
 #define HOST_DECLARE(NAME) extern const struct host_ops host_##NAME;
 PROTOCOLS(HOST_DECLARE)
 #undef HOST_DECLARE
@@ -135,7 +137,7 @@ PROTOCOLS(HOST_DECLARE)
 
 void host_queue(struct host *host, size_t bus, const struct bus_frame *frame);
 
-/* Returns the joint of a motor board's axis; NULL = not used by this host. */
+/* Returns the joint of a motor board's axis; NULL = this host does not use the axis. */
 struct host_joint *host_node_joint(struct host *host, const struct host_node *node, int axis);
 
 /* Returns the voltage of an axis as a fraction of the supply, -1 to 1. */

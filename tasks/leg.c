@@ -16,9 +16,9 @@ static const char *const leg_joint_name[BODY_SIDES][LEG_JOINTS] = {
 /* The axis of each joint: 0 = x, 1 = y, 2 = z. */
 static const int leg_axis[LEG_JOINTS] = {1, 0, 2, 1, 0, 1};
 
-/* The kinds of legs: joints from the pelvis to the foot, and the axes along which each joint may be
- * offset from the one before it. With these offsets the closed form holds (axes in one point, knee
- * in line). */
+/* The kinds of legs: the joints from the pelvis to the foot, and the axes along which a joint may
+ * be offset from its predecessor. The closed form is valid only for these offsets, because axes
+ * must meet in one point, and the knee must be in line. */
 static const struct leg_kind {
     enum leg_joint joint[LEG_JOINTS];
     bool may_shift[LEG_JOINTS][3];
@@ -39,8 +39,8 @@ static const struct leg_kind {
       {false, false, false}}},
 };
 
-/* Returns whether a joint turns about a coordinate axis (0 = x, 1 = y, 2 = z) and its offset is
- * zero where it must be. */
+/* Returns whether a joint turns about a coordinate axis (0 = x, 1 = y, 2 = z), and whether its
+ * offset is zero along each axis that may_shift excludes. */
 static bool leg_link_fits(const struct body_link *link, int axis, const bool may_shift[3])
 {
     for (int k = 0; k < 3; k++) {
@@ -54,8 +54,8 @@ static bool leg_link_fits(const struct body_link *link, int axis, const bool may
     return mat3_is_identity(link->rotation);
 }
 
-/* Returns the link that carries a leg: up from `link`, past links that no motor drives and that are
- * not turned (bending mounts). Adds their offsets to hip. */
+/* Returns the link that carries a leg. Starts at `link`, and skips parent links without a motor and
+ * without rotation (flexible mounts). Adds the offsets of the skipped links to hip. */
 static int leg_find_root(const struct body_model *model, int link, double hip[3])
 {
     const struct body_link *at = &model->link[link];
@@ -83,13 +83,13 @@ enum error_code leg_find(const struct body_model *model, int side, int link[LEG_
                              name);
         }
     }
-    /* A roll joint at the pelvis means the second kind */
+    /* Detect the second kind: its first joint is a roll joint */
     memset(leg->hip, 0, sizeof leg->hip);
     leg->roll_first =
         leg_find_root(model, model->link[link[LEG_HIP_ROLL]].parent, (double[3]){0}) == 0;
     kind = &leg_kinds[leg->roll_first];
     memcpy(leg->chain, kind->joint, sizeof leg->chain);
-    /* The closed form holds only for this chain of axes and offsets */
+    /* Check axes and offsets, because the closed form is valid only for this chain */
     for (int i = 0; i < LEG_JOINTS; i++) {
         int joint = leg->chain[i];
 
@@ -105,7 +105,7 @@ enum error_code leg_find(const struct body_model *model, int side, int link[LEG_
                              leg_joint_name[side][joint]);
         }
     }
-    /* The lengths */
+    /* Store the lengths */
     vec3_add_scaled(leg->hip, 1, at[0]->origin, leg->hip);
     memset(leg->offset, 0, sizeof leg->offset);
     if (leg->roll_first) {
@@ -124,7 +124,7 @@ enum error_code leg_find(const struct body_model *model, int side, int link[LEG_
     return ERROR_NONE;
 }
 
-/* Rotates R about its own x, y or z axis: R <- R * rotation by the angle, rad. */
+/* Rotates R about its own x, y or z axis: R <- R * Rot(axis, angle), rad. */
 static void leg_turn(double R[9], int axis, double angle)
 {
     const double unit[3] = {axis == 0, axis == 1, axis == 2};
@@ -135,8 +135,8 @@ static void leg_turn(double R[9], int axis, double angle)
     mat3_mul(old, turn, R);
 }
 
-/* Computes the knee's angle from a distance (law of cosines), within its limits. Returns false when
- * a limit applies; scale is then the factor of the distance. */
+/* Computes the knee's angle from the distance between hip and ankle (law of cosines). Returns false
+ * if the angle is limited. *scale is then the factor from the distance to the limited distance. */
 static bool leg_bend_knee(const struct leg_geometry *leg, double length, double least_knee,
                           double greatest_knee, double *knee, double *scale)
 {
@@ -155,7 +155,7 @@ static bool leg_bend_knee(const struct leg_geometry *leg, double length, double 
     return false;
 }
 
-/* Computes the joint angles of a leg of the first kind (header). Returns false when the foot is
+/* Computes the joint angles of a leg of the first kind (see leg.h). Returns false if the foot is
  * out of reach. */
 static bool leg_inverse_pitch_first(const struct leg_geometry *leg, const struct body_pose *foot,
                                     double least_knee, double greatest_knee,
@@ -165,7 +165,7 @@ static bool leg_inverse_pitch_first(const struct leg_geometry *leg, const struct
     double away[3], hip[3], R[9], along, up, scale;
     bool reached;
 
-    /* Hip in the foot's frame; the knee from its distance */
+    /* Compute the hip's position in the foot's frame, and the knee from its distance */
     vec3_sub(leg->hip, foot->p, away);
     mat3_apply_transposed(foot->R, away, hip);
     reached =
@@ -174,7 +174,7 @@ static bool leg_inverse_pitch_first(const struct leg_geometry *leg, const struct
         hip[k] *= scale;
     }
 
-    /* The ankle points shank and thigh to the hip */
+    /* Choose the ankle's angles so that shank and thigh reach the hip */
     along = -T * portable_sin(angle[LEG_KNEE]);
     up = S + T * portable_cos(angle[LEG_KNEE]);
     angle[LEG_ANKLE_ROLL] = portable_asin(fmin(fmax(hip[1] / up, -1), 1));
@@ -182,7 +182,7 @@ static bool leg_inverse_pitch_first(const struct leg_geometry *leg, const struct
     angle[LEG_ANKLE_PITCH] =
         portable_atan2(up * -hip[0] + along * hip[2], along * hip[0] + up * hip[2]);
 
-    /* The hip has the remaining rotation, Ry Rx Rz */
+    /* Choose the hip's angles for the remaining rotation, Ry Rx Rz */
     memcpy(R, foot->R, sizeof R);
     leg_turn(R, 1, -angle[LEG_ANKLE_PITCH]);
     leg_turn(R, 0, -angle[LEG_ANKLE_ROLL]);
@@ -204,7 +204,7 @@ static void leg_turn_back(double v[3], int axis, double angle)
     mat3_apply_transposed(turn, old, v);
 }
 
-/* Computes the joint angles of a leg of the second kind (header). Returns false when the foot is
+/* Computes the joint angles of a leg of the second kind (see leg.h). Returns false if the foot is
  * out of reach. */
 static bool leg_inverse_roll_first(const struct leg_geometry *leg, const struct body_pose *foot,
                                    double least_knee, double greatest_knee,
@@ -216,8 +216,8 @@ static bool leg_inverse_roll_first(const struct leg_geometry *leg, const struct 
     double A, B, ratio, along, down, scale;
     bool reached, in_plane;
 
-    /* Roll: the header's equation, A cos h1 + B sin h1 = fx dy, brings ankle and foot into the
-     * leg's plane */
+    /* Hip roll: solve the equation of leg.h, A cos h1 + B sin h1 = fx dy. It puts ankle and foot
+     * into the leg's plane */
     vec3_sub(foot->p, leg->hip, a);
     vec3_add_scaled(a, 1, d, a);
     A = f[0] * a[1] - f[1] * (a[0] - d[0]);
@@ -227,20 +227,21 @@ static bool leg_inverse_roll_first(const struct leg_geometry *leg, const struct 
     ratio = in_plane ? ratio : ratio > 0 ? 1 : -1;
     angle[LEG_HIP_ROLL] = portable_atan2(B, A) + portable_acos(ratio);
 
-    /* Yaw: the direction of the foot's x axis; then the ankle from the hip, in the plane */
+    /* Hip yaw: direction of the foot's x axis. Then compute the ankle relative to the hip, in the
+     * plane */
     leg_turn_back(a, 0, angle[LEG_HIP_ROLL]);
     leg_turn_back(f, 0, angle[LEG_HIP_ROLL]);
     angle[LEG_HIP_YAW] = portable_atan2(f[1], f[0]);
     vec3_sub(a, d, a);
     leg_turn_back(a, 2, angle[LEG_HIP_YAW]);
 
-    /* Thigh and shank reach the ankle */
+    /* Hip pitch and knee: thigh and shank reach the ankle */
     reached = leg_bend_knee(leg, vec3_norm(a), least_knee, greatest_knee, &angle[LEG_KNEE], &scale);
     along = -S * portable_sin(angle[LEG_KNEE]);
     down = -T - S * portable_cos(angle[LEG_KNEE]);
     angle[LEG_HIP_PITCH] = portable_atan2(down * a[0] - along * a[2], along * a[0] + down * a[2]);
 
-    /* The ankle has the remaining rotation, Ry Rx */
+    /* Ankle: the remaining rotation, Ry Rx */
     mat3_identity(turned);
     leg_turn(turned, 0, angle[LEG_HIP_ROLL]);
     leg_turn(turned, 2, angle[LEG_HIP_YAW]);

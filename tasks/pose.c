@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Task pose: every joint moves smoothly to its setting pose.JOINT_rad and stays there. Settings may
- * change during the run, for example by the sliders of the page. It starts from the initial pose,
- * runs until it is stopped, and gives no verdict: a pose may make the robot fall.
+ * change during the run, for example by the sliders of the page. The task starts from the initial
+ * pose and runs until it is stopped. It gives no verdict, because a pose may make the robot fall.
  */
 #include "tasks/task_private.h"
 
@@ -15,7 +15,7 @@ enum { POSE_NAME_SIZE = 96 };
 
 static const double POSE_RATE_RAD_S = 0.5; /* default rate of the joints */
 static const double POSE_LEAST_RAD_S = 0.01, POSE_MOST_RAD_S = 3;
-static const double POSE_SPEED_UP_S = 0.3; /* time from rest to this rate */
+static const double POSE_SPEED_UP_S = 0.3; /* acceleration time from rest to the rate */
 /* longest time step, so that a joint does not jump after a pause */
 static const double POSE_LONGEST_STEP_S = 0.1;
 
@@ -31,8 +31,8 @@ void motion_profile_step(struct motion_profile *profile, double goal_rad, double
                          double acceleration_rad_s2, double dt_s)
 {
     double away = goal_rad - profile->angle_rad, most = acceleration_rad_s2 * dt_s;
-    /* The largest rate from which the axis can stop within the distance, when the rate falls by
-     * a dt in each step: the steps cover v dt + (v - a dt) dt + ... = v^2 / (2 a) + v dt / 2 */
+    /* Compute the largest rate v from which the axis can stop within the distance. The rate
+     * falls by a dt per step: v dt + (v - a dt) dt + ... = v^2 / (2 a) + v dt / 2 */
     double stopping = acceleration_rad_s2 *
                       (sqrt(dt_s * dt_s / 4 + 2 * fabs(away) / acceleration_rad_s2) - dt_s / 2);
     double wanted = copysign(fmin(rate_rad_s, stopping), away);
@@ -40,7 +40,7 @@ void motion_profile_step(struct motion_profile *profile, double goal_rad, double
 
     profile->rate_rad_s += change;
 
-    /* The last step ends at the goal, at rest */
+    /* End the last step at the goal, at rest */
     if (fabs(away) <= most * dt_s && fabs(profile->rate_rad_s) <= most) {
         profile->angle_rad = goal_rad;
         profile->rate_rad_s = 0;
@@ -51,8 +51,8 @@ void motion_profile_step(struct motion_profile *profile, double goal_rad, double
 
 /* ---- settings ---- */
 
-/* Makes the settings: the rate, and for each joint its range, extended to its initial angle.
- * Returns false when out of memory. */
+/* Makes the settings: the rate, and an angle for each joint. The range of an angle is the joint's
+ * range, extended to include the initial angle. Returns false without memory. */
 static bool pose_make_settings(struct task *task, struct arena *arena)
 {
     const struct host_config *host = &task->config.host;
@@ -126,7 +126,7 @@ static enum task_status pose_step(struct task *task, double t_s)
         }
         servo_set(task->servo, i, profile->angle_rad, profile->rate_rad_s);
     }
-    /* How many joints move, and which deviate most */
+    /* Report the number of moving joints, and the joints with the largest deviations */
     if (task->tells) {
         for (size_t i = 0; i < task->config.host.naxis; i++) {
             moving += pose->profile[i].angle_rad != task->value[POSE_JOINTS + i];

@@ -4,11 +4,12 @@
 
 #include <math.h>
 
-/* Least time difference for a rate; over shorter ones the jitter of arrival times is too large */
+/* Minimum time difference to compute a rate. Over a shorter time, the jitter of arrival times is
+ * too large */
 enum { RATE_SPAN_NS = 2000000 };
 
-/* Time constant of the mean deflection, s. The mean does not follow an oscillation of one second,
- * but it follows the weight in a slow motion. */
+/* Time constant of the mean deflection, s. The mean does not follow an oscillation with a period of
+ * one second. It follows the weight in a slow motion. */
 #define SWAY_S 0.3
 
 struct loop {
@@ -16,8 +17,8 @@ struct loop {
     double trim, integral;
     double excitation_v;          /* added by servo_excite */
     double load_v;                /* voltage that carries the load of the joint */
-    double mean_deflection;       /* of the spring, smoothed with SWAY_S */
-    double motor_rad, motor_rate; /* angle of the latest message used, and the rate up to it */
+    double mean_deflection;       /* mean deflection of the spring, smoothed with SWAY_S */
+    double motor_rad, motor_rate; /* motor angle used last, and rate computed with it */
     int64_t motor_time_ns;
 };
 
@@ -25,7 +26,7 @@ struct servo {
     struct servo_config config;
     struct host *host;
     struct loop *loop;
-    int64_t last_ns; /* time of the last commands; -1 = none yet */
+    int64_t last_ns; /* time of the last commands; -1 = none */
 };
 
 enum error_code servo_create(const struct servo_config *config, struct host *host,
@@ -46,7 +47,7 @@ enum error_code servo_create(const struct servo_config *config, struct host *hos
     return ERROR_NONE;
 }
 
-/* Returns the spring's deflection, rad: by the torque where it is measured, else by both
+/* Returns the spring's deflection, rad: from the torque if it is measured, otherwise from both
  * encoders. */
 static double servo_deflection(const struct servo *servo, size_t axis)
 {
@@ -65,7 +66,7 @@ void servo_start(struct servo *servo)
     for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
         const struct host_joint *joint = host_joint(servo->host, i);
         const struct servo_gains *gains = &servo->config.gains[i];
-        /* With an outer loop the reference is the link's angle, else the motor's */
+        /* With an outer loop, start from the link's angle; otherwise, from the motor's angle */
         double wanted = gains->trim_per_s > 0 ? joint->joint_rad : joint->motor_rad;
 
         servo->loop[i] = (struct loop){
@@ -112,8 +113,8 @@ double servo_reference(const struct servo *servo, size_t axis)
     return servo->loop[axis].wanted + servo->loop[axis].trim;
 }
 
-/* Computes the voltage of an axis by the law of struct servo_gains. The integrals stop while the
- * voltage saturates in the error's direction (anti-windup). */
+/* Computes the voltage of an axis by the control law of struct servo_gains. An integral stops while
+ * the voltage is saturated in the direction of the error (anti-windup). */
 static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
 {
     const struct servo_gains *gains = &servo->config.gains[axis];
@@ -123,14 +124,14 @@ static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
     const struct host_joint *joint = host_joint(servo->host, axis);
     double error = servo_reference(servo, axis) - joint->motor_rad;
     double deflection = servo_deflection(servo, axis), sway, off;
-    /* A dead zone of one encoder tick for the link's angle. Without it, integrated rounding errors
-     * would press two legs on the same ground against each other more and more */
+    /* Use a dead zone of one encoder tick for the link's angle. Otherwise, integrated rounding
+     * errors would press two standing legs against each other with an increasing force */
     double tick = 1 / host_configuration(servo->host)->axis[axis].joint_ticks_per_rad;
     double V = gains->kp_v_per_rad * error + gains->ki_v_per_rad_s * loop->integral +
                gains->kd_v_s_per_rad * (loop->rate - loop->motor_rate) +
                gains->kw_v_s_per_rad * loop->rate + loop->load_v + loop->excitation_v;
 
-    /* Sway is the deflection above its mean */
+    /* Compute sway, the difference of the deflection to its mean */
     loop->mean_deflection += (deflection - loop->mean_deflection) * dt / (SWAY_S + dt);
     sway = deflection - loop->mean_deflection;
     if (fabs(V) < limit || V * error < 0) {
@@ -140,7 +141,7 @@ static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
         loop->trim += gains->trim_per_s * off * dt;
         loop->trim -= gains->sway_damping_per_s * sway * dt;
     }
-    /* Limit the torque: the voltage beyond the back-EMF is proportional to it */
+    /* Limit the torque, which is proportional to the voltage beyond the back-EMF */
     if (gains->torque_limit_nm > 0) {
         double back = gains->kw_v_s_per_rad * loop->motor_rate;
         double most = gains->load_v_per_nm * gains->torque_limit_nm;
@@ -164,7 +165,7 @@ void servo_update(struct servo *servo)
         struct loop *loop = &servo->loop[i];
         int64_t span = joint->motor_time_ns - loop->motor_time_ns;
 
-        /* The motor's rate is the difference of two messages */
+        /* Compute the motor's rate from the difference of two messages */
         if (span >= RATE_SPAN_NS) {
             loop->motor_rate = (joint->motor_rad - loop->motor_rad) / ((double)span * 1e-9);
             loop->motor_rad = joint->motor_rad;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Position loops on the motor angles for all axes of a host, closed in the controller by voltage
- * commands. An outer loop on the link angle compensates the deflection of the spring (struct
- * servo_config). RT-safe after creation.
+ * Position loops on the motor angles, for all axes of a host. The controller closes them with
+ * voltage commands. An outer loop on the link angle compensates the deflection of the spring
+ * (struct servo_gains, tasks/task.h). RT-safe after creation.
  */
 #ifndef TASKS_SERVO_H
 #define TASKS_SERVO_H
@@ -18,11 +18,12 @@ enum error_code servo_create(const struct servo_config *config, struct host *hos
 /* Sets the references to the present angles, so that no motor moves, and resets the integrals. */
 void servo_start(struct servo *servo);
 
-/* Replaces the gains, one entry per axis, and starts again. The gains are borrowed and must outlive
- * the servo. */
+/* Replaces the gains, one entry per axis, and calls servo_start. The gains are borrowed and must
+ * outlive the servo. */
 void servo_use(struct servo *servo, const struct servo_gains *gains);
 
-/* Sets the torque (N m) that an axis carries; load_v_per_nm converts it to a voltage. */
+/* Sets the load torque (N m) of an axis. The servo adds the voltage load_v_per_nm times the
+ * torque. */
 void servo_set_load(struct servo *servo, size_t axis, double torque_nm);
 
 /* Sets the reference of one axis: angle (rad) and rate (rad/s). */
@@ -33,7 +34,7 @@ double servo_wanted(const struct servo *servo, size_t axis);
  * call. */
 void servo_excite(struct servo *servo, size_t axis, double volts);
 
-/* Returns the motor reference of the inner loop, rad: wanted + trim. */
+/* Returns the motor reference of the inner loop: wanted + trim, rad. */
 double servo_reference(const struct servo *servo, size_t axis);
 
 /* Computes the voltages and queues them on the host, once per command period. */

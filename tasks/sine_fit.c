@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Fits a sine by least squares: normal equations, eliminated in the order of their terms. */
+/* Fits a sine by least squares. The normal equations are solved by elimination in fixed order. */
 #include "tasks/sine_fit.h"
 
 #include "base/portable_math.h"
@@ -9,7 +9,7 @@
 
 enum { DRIFT_TERMS = 2, COSINE = 2, SINE = 3, VALUE = 4 };
 
-/* Least mean square of a term after the elimination of the earlier terms */
+/* Smallest mean square of a term, after elimination of the earlier terms, that is not singular */
 static const double SINGULAR = 1e-6;
 
 void sine_fit_start(struct sine_fit *fit)
@@ -40,7 +40,7 @@ bool sine_fit_solve(const struct sine_fit *fit, struct sine *sine)
 {
     double m[SINE_FIT_TERMS][SINE_FIT_TERMS], total = 0;
 
-    /* Sums of squares: the signal about its drift, then the residual of the fit */
+    /* Compute the sums of squares of the signal about its drift, and of the residual of the fit */
     *sine = (struct sine){0};
     memcpy(m, fit->product, sizeof m);
     /* Gaussian elimination of the symmetric normal equations, upper triangle */
@@ -61,7 +61,7 @@ bool sine_fit_solve(const struct sine_fit *fit, struct sine *sine)
         return false;
     }
 
-    /* Back-substitution from the last term; a constant signal has no sine */
+    /* Substitute back from the last term; a constant signal has no sine */
     sine->sine = m[SINE][VALUE] / m[SINE][SINE];
     sine->cosine = (m[COSINE][VALUE] - m[COSINE][SINE] * sine->sine) / m[COSINE][COSINE];
     if (total > 1e-14 * fit->product[VALUE][VALUE]) {

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Task squat: the hips sink vertically above flat feet and rise again, cycle after cycle (paper
- * section 7). Both legs are two-link chains in the sagittal plane: hip pitch, knee, ankle pitch.
- * All other joints hold the initial pose. The verdict uses telemetry only: the feet must carry the
- * weight and the motors must follow.
+ * Task squat: in each cycle, the hips sink vertically above flat feet and rise again (paper section
+ * 7). Both legs are two-link chains in the sagittal plane, with hip pitch, knee and ankle pitch.
+ * All other joints hold the initial pose. The verdict uses only telemetry: the feet must carry the
+ * weight, and the motors must follow.
  */
 #include "base/portable_math.h"
 #include "tasks/task_private.h"
@@ -23,16 +23,16 @@ static const char *const joint_name[LEGS][PITCH_JOINTS] = {
 static const double RAMP_S = 1.0;
 static const double SETTLE_S = 1.0; /* time of standing still before and after */
 static const double WEIGH_S = 0.25; /* duration of the weighing, at the end of settling */
-/* fallen when the feet carry less than this fraction of the weight ... */
+/* the robot has fallen if its feet carry less than this fraction of the weight */
 static const double LIGHT = 0.3;
-static const double LIGHT_S = 0.25;  /* ... for this time */
-static const double STRAIGHT = 1e-6; /* sine of the angle of a knee that counts as straight */
+static const double LIGHT_S = 0.25;  /* for this time */
+static const double STRAIGHT = 1e-6; /* limit of sin(knee angle) for a straight knee */
 
 struct leg {
     size_t axis[PITCH_JOINTS];
     double initial[PITCH_JOINTS];
-    double lean; /* lean of the trunk, forward, over a flat foot, rad */
-    /* height of the hip over the ankle; distance of the ankle ahead of the hip */
+    double lean; /* forward lean of the trunk when the foot is flat, rad */
+    /* height of the hip above the ankle; distance of the ankle in front of the hip */
     double hip_height, ankle_x;
 };
 
@@ -46,19 +46,20 @@ struct squat {
     bool alike; /* both legs have the same initial pose */
     double weight_sum;
     size_t weighed;
-    double light_since_s; /* time since when the feet are light; < 0 = they carry */
+    double light_since_s; /* time since when the feet carry too little; < 0 = never */
     double deepest_m, worst_error_rad;
 };
 
-/* Returns the height of the hip over the ankle, m, from the thigh's pitch in the world and the
- * knee's angle. */
+/* Returns the height of the hip above the ankle, m. thigh: pitch in the world, rad. knee: joint
+ * angle, rad. */
 static double squat_hip_height(const struct squat_config *config, double thigh, double knee)
 {
     return config->thigh_m * portable_cos(thigh) + config->shank_m * portable_cos(thigh + knee);
 }
 
-/* Computes the joint angles and rates for a height of the hip that changes at rise, m/s. The knee
- * bends forward, the foot is flat, the trunk keeps its lean. Returns false when out of reach. */
+/* Computes the joint angles and rates for a height of the hip (m) and its rate `rise` (m/s). The
+ * knee bends forward, the foot is flat, and the trunk keeps its lean. Returns false if the height
+ * is out of reach. */
 static bool squat_leg_inverse(const struct squat_config *config, const struct leg *leg,
                               double height, double rise, struct leg_pose *pose)
 {
@@ -76,7 +77,7 @@ static bool squat_leg_inverse(const struct squat_config *config, const struct le
     pose->angle[HIP] = thigh - leg->lean;
     pose->angle[ANKLE] = -thigh - pose->angle[KNEE];
 
-    /* Their derivatives; a straight knee has none */
+    /* Compute the rates; they are 0 for a straight knee */
     pose->rate[KNEE] = s > STRAIGHT ? -height * rise / (l1 * l2 * s) : 0;
     thigh_rate = (ahead * rise - l2 * (l2 + l1 * c) * pose->rate[KNEE]) / r2;
     pose->rate[HIP] = thigh_rate;
@@ -84,7 +85,7 @@ static bool squat_leg_inverse(const struct squat_config *config, const struct le
     return true;
 }
 
-/* Finds the axes of a leg and checks its limits at the deepest point. */
+/* Finds the axes of a leg, and checks the joint limits at the deepest point. */
 static enum error_code squat_find_leg(struct task *task, int side, struct leg *leg,
                                       struct error *error)
 {
@@ -101,14 +102,14 @@ static enum error_code squat_find_leg(struct task *task, int side, struct leg *l
         leg->initial[j] = task->config.initial_rad[leg->axis[j]];
     }
 
-    /* The initial pose, over a flat foot */
+    /* Compute lean and height of the initial pose, with a flat foot */
     leg->lean = -(leg->initial[HIP] + leg->initial[KNEE] + leg->initial[ANKLE]);
     thigh = leg->lean + leg->initial[HIP];
     leg->hip_height = squat_hip_height(config, thigh, leg->initial[KNEE]);
     leg->ankle_x = -config->thigh_m * portable_sin(thigh) -
                    config->shank_m * portable_sin(thigh + leg->initial[KNEE]);
 
-    /* The deepest pose */
+    /* Check the deepest pose */
     if (!squat_leg_inverse(config, leg, leg->hip_height - config->depth_m, 0, &deepest)) {
         return error_set(error, ERROR_INPUT, "squat: depth %g m is out of the legs' reach",
                          config->depth_m);
@@ -127,7 +128,7 @@ static enum error_code squat_find_leg(struct task *task, int side, struct leg *l
     return ERROR_NONE;
 }
 
-/* Creates the task's state and finds legs and feet. ERROR_INPUT when the rig lacks one. */
+/* Creates the task's state and finds legs and feet. Returns ERROR_INPUT if one is missing. */
 static enum error_code squat_create(struct task *task, struct arena *arena, struct error *error)
 {
     const struct squat_config *config = &task->config.squat;
@@ -158,7 +159,7 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
     return task_find_feet(task, error);
 }
 
-/* Sets the references of both legs at time t after the beginning of the first cycle. */
+/* Sets the references of both legs. t: time after the beginning of the first cycle, s. */
 static void squat_bend_legs(struct task *task, double t)
 {
     const struct squat *squat = task->state;
@@ -167,7 +168,7 @@ static void squat_bend_legs(struct task *task, double t)
     double sine, cosine, sinking = 0, depth = 0;
     struct leg_pose pose;
 
-    /* The desired depth of the hips below the initial height, m, and its rate, m/s */
+    /* Compute the desired depth of the hips below the initial height, m, and its rate, m/s */
     if (t > 0 && t < length) {
         portable_sincos(pace * t, &sine, &cosine);
         sinking = config->depth_m / 2 * pace * sine;
@@ -177,8 +178,8 @@ static void squat_bend_legs(struct task *task, double t)
     for (int side = 0; side < LEGS; side++) {
         const struct leg *leg = &squat->leg[side];
 
-        /* The whole way is in reach, because the deepest point was checked. Equal legs have equal
-         * references */
+        /* Every height is in reach, because the deepest point was checked. Legs with equal initial
+         * poses have equal references */
         if (side == 0 || !squat->alike) {
             squat_leg_inverse(config, leg, leg->hip_height - depth, -sinking, &pose);
         }
@@ -188,7 +189,7 @@ static void squat_bend_legs(struct task *task, double t)
     }
 }
 
-/* Runs one period: stand and weigh, bend and stretch, stand again. */
+/* Runs one period: the robot stands and is weighed, squats, then stands again. */
 static enum task_status squat_step(struct task *task, double t)
 {
     struct squat *squat = task->state;
@@ -224,7 +225,7 @@ static enum task_status squat_step(struct task *task, double t)
                  "the robot fell: the feet carry %.0f N of %.0f N", task_feet_force(task), weight);
         return TASK_FAILED;
     }
-    /* Depth of the hips by the link encoders, mean of both legs */
+    /* Compute the measured depth of the hips: mean of both legs, from the link encoders */
     for (int side = 0; side < LEGS; side++) {
         const struct leg *leg = &squat->leg[side];
 

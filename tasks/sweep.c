@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Task sweep: identifies one drive by sines, one frequency after the other, about the initial pose;
- * all other joints hold it. The sine is added to the position loop's voltage, or to its reference.
- * The loop stays closed, so that the joint does not drift. With a periodic excitation the ratio of
- * measured to sent signal is the drive's response, independent of the loop (L. Ljung, System
- * Identification, 2nd edition, chapter 13.5: the joint input-output approach).
+ * Task sweep: identifies one drive with sines about the initial pose, one frequency after another.
+ * All other joints hold the initial pose. The sine is added to the position loop's voltage, or to
+ * its reference. The loop stays closed, so that the joint does not drift. With a periodic
+ * excitation, the ratio of measured to commanded signal is the drive's response, independent of the
+ * loop (L. Ljung, System Identification, 2nd edition, chapter 13.5: joint input-output approach).
  *
- * Signals count at the arrival of their frames; the voltage is constant from command to command. A
- * response therefore includes the drive, the board and the bus, but not the host's sampling or the
- * hold of its commands.
+ * A signal is sampled at the arrival time of its frame. The voltage is constant between commands. A
+ * response therefore includes the drive, the board and the bus. It does not include the host's
+ * sampling or the hold of the host's commands.
  */
 #include "base/portable_math.h"
 #include "tasks/sine_fit.h"
@@ -35,7 +35,7 @@ static const double SWEEP_RAMP_S = 1.0;
 static const double SWEEP_STAND_S = 1.0;  /* time of standing still before the first frequency */
 static const double SWEEP_NYQUIST = 0.25; /* highest frequency as a fraction of the command rate */
 
-/* The settings at the beginning of a point; a user may change them later. */
+/* Copy of the settings at the beginning of a point, because a user may change them later. */
 struct sweep_now {
     double volts, radians; /* amplitudes; one of them is 0 */
     double hz, from_s;     /* phase 0 is at from_s, the beginning of the settling */
@@ -67,8 +67,8 @@ static const char *const sweep_setting_name[SWEEP_SETTINGS + 1] = {
 
 /* ---- the task ---- */
 
-/* Creates the task's state and finds the joint. The supply limits the amplitude, the command rate
- * the frequencies. ERROR_INPUT when the joint is not given or unknown. */
+/* Creates the task's state and finds the joint. The supply voltage limits the amplitude, and the
+ * command rate limits the frequencies. Returns ERROR_INPUT if the joint is missing or unknown. */
 static enum error_code sweep_create(struct task *task, struct arena *arena, struct error *error)
 {
     const struct task_config *config = &task->config;
@@ -97,8 +97,8 @@ static enum error_code sweep_create(struct task *task, struct arena *arena, stru
     return task_find_input_axis(task, &sweep->axis, error);
 }
 
-/* Begins the next frequency at t_s. Returns false with a message when the amplitude is 0 or
- * leaves the joint's limits. */
+/* Begins the next frequency at t_s. Returns false, with a message, if the amplitude is 0 or exceeds
+ * the joint's limits. */
 static bool sweep_begin_point(struct task *task, double t_s)
 {
     struct sweep *sweep = task->state;
@@ -108,7 +108,7 @@ static bool sweep_begin_point(struct task *task, double t_s)
     double hz = last > 0 ? from * portable_pow(ratio, share) : from, settle;
     struct sweep_now *now = &sweep->now;
 
-    /* Whole periods, so that the excitation never jumps */
+    /* Use whole periods, so that the excitation never jumps */
     settle = fmax(task->value[SWEEP_SETTLE_PERIODS], ceil(task->value[SWEEP_SETTLE] * hz));
     *now = (struct sweep_now){.hz = hz, .from_s = t_s};
     now->measure_s = t_s + settle / hz;
@@ -129,7 +129,7 @@ static bool sweep_begin_point(struct task *task, double t_s)
 
 /* ---- measuring ---- */
 
-/* Adds a sample to a fit: a value at t_s, or a mean over hold_s about t_s. */
+/* Adds a sample to a fit: the value at t_s, or the mean over hold_s centered at t_s. */
 static void sweep_sample(const struct sweep *sweep, struct sine_fit *fit, double t_s, double hold_s,
                          double value)
 {
@@ -143,7 +143,7 @@ static void sweep_sample(const struct sweep *sweep, struct sine_fit *fit, double
     }
 }
 
-/* Adds the signals sent since the last step to the input, and the signals received since then to
+/* Adds the signals since the last step to the fits: sent signals to the input, received signals to
  * the outputs. */
 static void sweep_measure(struct task *task, double t_s)
 {
@@ -157,7 +157,7 @@ static void sweep_measure(struct task *task, double t_s)
                                               [SWEEP_TORQUE] = joint->torque_time_ns};
     double held = t_s - sweep->last_s;
 
-    /* The input: the present reference, or the voltage held since the last step */
+    /* Add the input: the present reference, or the voltage that was held since the last step */
     if (sweep->now.radians > 0) {
         double sine = portable_sin(2 * M_PI * sweep->now.hz * (t_s - sweep->now.from_s));
 
@@ -166,7 +166,7 @@ static void sweep_measure(struct task *task, double t_s)
         sweep_sample(sweep, &sweep->input, t_s - held / 2, held,
                      host_voltage(task->host, sweep->axis));
     }
-    /* The outputs, each at the time of its frame */
+    /* Add the outputs, each at the time of its frame */
     for (int k = 0; k < SWEEP_RESPONSES; k++) {
         if (time_ns[k] >= 0 && time_ns[k] != sweep->seen_ns[k]) {
             sweep_sample(sweep, &sweep->output[k], (double)(time_ns[k] - task->start_ns) * 1e-9, 0,
@@ -202,7 +202,7 @@ static void sweep_end_point(struct sweep *sweep)
     }
 }
 
-/* Writes the message at the end, with the frequency at which the joint's torque responds most. */
+/* Writes the final message, with the frequency of the largest torque response. */
 static void sweep_tell_end(struct task *task)
 {
     const struct sweep *sweep = task->state;
@@ -222,13 +222,13 @@ static void sweep_tell_end(struct task *task)
              peak->response[SWEEP_TORQUE].magnitude, peak->by_angle ? "rad" : "V");
 }
 
-/* Runs one period: the pose, then one frequency after the other. */
+/* Runs one period: first the ramp into the pose, then one frequency after another. */
 static enum task_status sweep_step(struct task *task, double t_s)
 {
     struct sweep *sweep = task->state;
     double worst = 0, w, sine, cosine;
 
-    /* Move into the pose; from then on only the one joint moves */
+    /* Move into the pose; afterwards, only the excited joint moves */
     if (sweep->now.hz > 0) {
         sweep_measure(task, t_s);
     } else {
@@ -238,7 +238,7 @@ static enum task_status sweep_step(struct task *task, double t_s)
     if (!task_motors_follow(task, &worst)) {
         return TASK_FAILED;
     }
-    /* A point is over: evaluate it, then begin the next one or end */
+    /* At the end of a point, evaluate it, then begin the next point or end the task */
     if (t_s >= sweep->now.end_s) {
         if (sweep->now.hz > 0) {
             sweep_end_point(sweep);

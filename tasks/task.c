@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Functions common to all tasks: start-up of the boards, poses, health, settings, stopping. */
+/* Functions that all tasks share: start-up of the boards, poses, health, settings, stopping. */
 #include "tasks/task_private.h"
 
 #include "base/array.h"
@@ -11,7 +11,7 @@
 
 enum { TELL_STEPS = 20, TEXT_SIZE = 100, WORST_TOLD = 3 };
 
-/* error of a motor that means it is stuck, or the robot has fallen */
+/* position error of a motor that means that it is stuck, or that the robot has fallen */
 static const double STRAY_RAD = 0.4;
 
 static const struct task_ops *const known[] = {&task_squat,  &task_grasp, &task_hold,
@@ -27,7 +27,7 @@ const char *const *task_names(void)
     return names;
 }
 
-/* Returns the task of this name; NULL = none. */
+/* Returns the operations of the task with this name; NULL = unknown name. */
 static const struct task_ops *task_find_ops(const char *name)
 {
     for (size_t i = 0; i < KNOWN; i++) {
@@ -70,7 +70,7 @@ enum error_code task_create(const char *name, const struct task_config *config, 
     task->config = *config;
     task->from = from;
 
-    /* From the bus upward: host, servo loops, behavior */
+    /* Create the layers from the bus upward: host, servo loops, behavior */
     code = host_create(&config->host, arena, &task->host, error);
     code = code ? code : servo_create(&config->servo, task->host, arena, &task->servo, error);
     code = code ? code : task->ops->create(task, arena, error);
@@ -78,7 +78,7 @@ enum error_code task_create(const char *name, const struct task_config *config, 
     return code;
 }
 
-/* ---- what tasks share ---- */
+/* ---- functions for tasks ---- */
 
 /* Writes the names of the joints until the text is full. */
 static void task_list_joints(const struct task *task, char *list, size_t size)
@@ -90,7 +90,7 @@ static void task_list_joints(const struct task *task, char *list, size_t size)
         int length = snprintf(list + used, size - used, "%s%s", i ? ", " : "",
                               task->config.host.axis[i].joint);
 
-        /* A truncated list needs room for five characters of dots and a zero */
+        /* Keep space for the five characters that end a truncated list, and a terminating 0 */
         if (used + (size_t)length + 6 > size) {
             snprintf(list + used, size - used, ", ...");
             return;
@@ -175,7 +175,7 @@ void task_tell_worst(struct task *task, const double *worst)
     for (size_t count = 0; count < WORST_TOLD && count < naxis; count++) {
         size_t used = strlen(task->message), next = naxis;
 
-        /* The largest deviation of the axes that are not told yet */
+        /* Find the largest deviation of the axes that are not in the message yet */
         for (size_t i = 0; i < naxis; i++) {
             bool is_told = false;
 
@@ -270,7 +270,7 @@ enum task_status task_step(struct task *task, int64_t now_ns)
         status = task->ops->step(task, (double)(host_time_ns(task->host) - task->start_ns) * 1e-9);
         servo_update(task->servo);
     }
-    /* At the end of any kind, switch the motors off */
+    /* Switch the motors off when the task ends, for any reason */
     if (status == TASK_RUNNING) {
         host_send(task->host);
     } else {
@@ -349,8 +349,8 @@ uint64_t task_changes(const struct task *task)
     return atomic_load(&task->changes);
 }
 
-/* Changes a setting from "NAME=VALUE". ERROR_INPUT for an unknown setting or a value out of
- * range. */
+/* Changes a setting from "NAME=VALUE". Returns ERROR_INPUT if the setting is unknown or the value
+ * is out of range. */
 static enum error_code task_set_pair(struct task *task, const char *pair, struct error *error)
 {
     const char *equals = strchr(pair, '=');
@@ -393,7 +393,7 @@ enum error_code task_set_all(struct task *task, const char *const *pair, size_t 
     return code;
 }
 
-/* ---- what it tells ---- */
+/* ---- reports ---- */
 
 size_t task_signals(const struct task *task, const char *const **name)
 {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Joint trajectories: reads the file, checks its limits, interpolates between its rows. */
+/* Reads a file with joint trajectories, checks the limits, and interpolates between rows. */
 #include "tasks/trajectory.h"
 
 #include "base/csv.h"
@@ -16,10 +16,10 @@ enum {
     FIRST_ROW_LINE = 2,
 };
 
-static const double RATE_MOST_RAD_S = 1e3; /* rate limit of a drive without a known one */
+static const double RATE_MOST_RAD_S = 1e3; /* rate limit of a drive whose limit is unknown */
 static const double RATE_ROUNDING = 1e-9;  /* relative tolerance, for rates exactly at the limit */
 
-/* A trajectory while it is read. */
+/* State of reading a trajectory. */
 struct reader {
     struct csv *csv;
     const struct trajectory_limit *limit;
@@ -32,7 +32,7 @@ struct reader {
 
 /* ---- the titles ---- */
 
-/* Finds the joint and unit of a column's title; a joint may have only one column. */
+/* Finds joint and unit from a column's title. A joint may have only one column. */
 static enum error_code trajectory_find_joint(struct reader *reader, size_t column,
                                              struct error *error)
 {
@@ -99,7 +99,7 @@ static enum error_code trajectory_check_row(const struct reader *reader, const d
     return ERROR_NONE;
 }
 
-/* Reads all rows, in radians, and checks each. */
+/* Reads all rows, converts angles to radians, and checks each row. */
 static enum error_code trajectory_read_rows(struct reader *reader, struct error *error)
 {
     const struct csv *csv = reader->csv;
@@ -131,7 +131,7 @@ static enum error_code trajectory_read_rows(struct reader *reader, struct error 
             reader->capacity = capacity;
         }
 
-        /* The row in radians */
+        /* Convert the row to radians */
         row = reader->row + reader->count * csv->ncolumn;
         row[0] = csv->cell[0];
         for (size_t column = 1; column < csv->ncolumn; column++) {
@@ -151,7 +151,7 @@ static enum error_code trajectory_read_rows(struct reader *reader, struct error 
 
 /* ---- between the rows ---- */
 
-/* Returns the mean rate between a row and the next, rad/s. */
+/* Returns the mean rate between a row and the next row, rad/s. */
 static double trajectory_segment_rate(const struct trajectory *t, size_t row, size_t joint)
 {
     const double *angle = t->angle + row * t->njoint + joint;
@@ -171,7 +171,7 @@ static double trajectory_peak_rate(const struct trajectory *t, size_t row, size_
     m1 = t->slope[(row + 1) * t->njoint + joint];
     a = 3 * (m0 + m1 - 2 * rate);
     b = 6 * rate - 4 * m0 - 2 * m1;
-    /* The peak is at an end, or at the parabola's vertex if it lies between the rows */
+    /* The peak is at one of the rows, or at the parabola's vertex if the vertex is between them */
     peak = fmax(fabs(m0), fabs(m1));
     if (a * b < 0 && fabs(b) < 2 * fabs(a)) {
         peak = fmax(peak, fabs(m0 - b * b / (4 * a)));
@@ -202,10 +202,10 @@ static enum error_code trajectory_check_rates(const struct reader *reader,
     return ERROR_NONE;
 }
 
-/* ---- the whole ---- */
+/* ---- the complete trajectory ---- */
 
-/* Copies the rows into the arena, by column and with time from 0. Computes the slopes and checks
- * the rates. */
+/* Copies the rows into the arena, with times that start at 0. Computes the slopes and checks the
+ * rates. */
 static enum error_code trajectory_keep(const struct reader *reader, struct arena *arena,
                                        enum trajectory_interpolation interpolation,
                                        const struct trajectory **out, struct error *error)
@@ -229,8 +229,8 @@ static enum error_code trajectory_keep(const struct reader *reader, struct arena
     }
     *t = (struct trajectory){reader->csv->path, njoint, joint, count, time, angle, NULL};
     if (interpolation == TRAJECTORY_CUBIC) {
-        /* Weighted harmonic means of the rates before and after a row (Fritsch and Butland); 0 at
-         * the ends and at extremes */
+        /* A slope is the weighted harmonic mean of the rates before and after the row (Fritsch and
+         * Butland). It is 0 at both ends and at extremes */
         for (size_t row = 1; row + 1 < count; row++) {
             double h0 = time[row] - time[row - 1], h1 = time[row + 1] - time[row];
             double w0 = 2 * h1 + h0, w1 = h1 + 2 * h0;
@@ -319,7 +319,7 @@ void trajectory_at(const struct trajectory *t, size_t joint, double t_s, double 
     size_t row = 0, high = t->count - 1, at;
     double h, s, q0, q1, rate, m0, m1;
 
-    /* Find the last row that is not later, but not the last of all */
+    /* Find the last row at or before the time, except the final row */
     while (high - row > 1) {
         size_t middle = (row + high) / 2;
 
@@ -336,7 +336,7 @@ void trajectory_at(const struct trajectory *t, size_t joint, double t_s, double 
     q1 = t->angle[at + t->njoint];
     rate = (q1 - q0) / h;
 
-    /* Outside the trajectory the joint is at rest */
+    /* Outside the trajectory, the joint is at rest */
     if (!(t_s > 0) || t_s >= trajectory_length_s(t)) {
         *angle_rad = t_s > 0 ? q1 : q0;
         *rate_rad_s = 0;
@@ -348,7 +348,7 @@ void trajectory_at(const struct trajectory *t, size_t joint, double t_s, double 
         return;
     }
 
-    /* Hermite's cubic */
+    /* Evaluate the cubic Hermite polynomial */
     m0 = t->slope[at];
     m1 = t->slope[at + t->njoint];
     *angle_rad = q0 + s * s * (3 - 2 * s) * (q1 - q0) + h * s * (1 - s) * (m0 * (1 - s) - m1 * s);

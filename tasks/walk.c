@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Tasks stand and walk: both balance (tasks/balance.h); standing is walking without steps. */
+/* Tasks stand and walk. Both use the balance controller (tasks/balance.h). Task stand takes no
+ * steps. */
 #include "tasks/balance.h"
 #include "tasks/task_private.h"
 
@@ -8,15 +9,14 @@
 #include <string.h>
 
 #define FALLEN_RAD 0.7
-#define SPEED_UP_M_S2 0.1 /* acceleration of the command */
+#define SPEED_UP_M_S2 0.1 /* acceleration of the commanded velocity */
 #define TURN_UP_RAD_S2 0.3
 #define TURN_MOST_RAD_S 0.5
-#define HEADING_RAD_S 0.3 /* fastest turn to a heading */
+#define HEADING_RAD_S 0.3 /* maximum turn rate to a heading */
 #define HEADING_STEPS 3   /* steps to reach a heading, slow enough for TURN_UP_RAD_S2 */
-#define STOOD_S 2.0       /* time of standing after the walk before the task is done */
+#define STOOD_S 2.0       /* time of standing after the walk, before the task ends */
 
-/* Settings that a user may change (enum order). A step is the transfer and the swing of one
- * foot. */
+/* Settings that a user may change, in this order. A step is a transfer and a swing. */
 enum walk_setting {
     WALK_ON,
     WALK_FORWARD,
@@ -24,7 +24,7 @@ enum walk_setting {
     WALK_TURN,
     WALK_HEADING,
     WALK_STEP_TIME,
-    WALK_STEP_LENGTH, /* the same quantity as WALK_FORWARD */
+    WALK_STEP_LENGTH, /* WALK_FORWARD as a length per step */
     WALK_SETTINGS,
 };
 
@@ -32,15 +32,15 @@ struct walk {
     struct balance *balance;
     struct gait_command command;
     double last_s;
-    unsigned from_steps;       /* steps of the gait at the beginning of the walk */
+    unsigned from_steps;       /* the gait's number of steps at the beginning of the walk */
     _Atomic double *value;     /* values of the settings; another thread writes them */
-    atomic_bool holds_heading; /* turns to WALK_HEADING instead of at a rate */
-    /* heading to keep while the turn rate is 0: the heading at the beginning of the walk or
-     * after the last turn */
+    atomic_bool holds_heading; /* turn to WALK_HEADING, not at a turn rate */
+    /* heading to keep while the turn rate is 0: from the beginning of the walk, or from the end of
+     * the last turn */
     double kept_rad;
-    double from_m[2]; /* estimated position of its first step */
-    bool arrived;     /* has walked its distance */
-    double stood_s;   /* time at rest since then */
+    double from_m[2]; /* estimated position at the first step */
+    bool arrived;     /* the robot has walked the distance */
+    double stood_s;   /* time at rest since arrival */
 };
 
 /* ---- settings ---- */
@@ -55,8 +55,8 @@ static const char *const walk_setting_name[WALK_SETTINGS + 1] = {
     [WALK_STEP_LENGTH] = "walk.step_length_m",
 };
 
-/* Returns a setting for a rate. Its range is the reach of a step in the rig's duration, extended to
- * the rig's own value. */
+/* Returns a setting for a velocity. Its range is the reach of a step divided by the rig's step
+ * duration, extended to include the rig's value. */
 static struct task_setting walk_rate(const char *name, const char *unit, double least, double most,
                                      double asked)
 {
@@ -88,8 +88,8 @@ static enum error_code walk_make_settings(struct task *task, struct arena *arena
     return task_make_settings(task, setting, WALK_SETTINGS, arena, error);
 }
 
-/* Keeps related settings consistent. A step length sets the speed; speed and duration set the
- * length. A heading replaces a turn rate and vice versa. */
+/* Keeps related settings consistent. A step length sets the speed. Speed and duration set the step
+ * length. A heading replaces a turn rate, and a turn rate replaces a heading. */
 static void walk_changed(struct task *task, size_t index)
 {
     struct walk *walk = task->state;
@@ -138,15 +138,14 @@ static void walk_start(struct task *task)
     balance_start(walk->balance);
 }
 
-/* Returns now, moved toward the goal by most at most. */
+/* Returns `now` moved toward `goal` by at most `most`. */
 static double walk_approach(double now, double goal, double most)
 {
     return now + fmin(fmax(goal - now, -most), most);
 }
 
-/* Returns the turn rate (rad/s) that brings the next foot to the wanted heading, seen from the
- * one that stands. Feet slip and land askew, so that without it a walk straight on becomes a
- * curve. */
+/* Returns the turn rate (rad/s) that turns the next foot to the desired heading, relative to the
+ * standing foot. Without it, a straight walk becomes a curve, because feet slip and land askew. */
 static double walk_turn(struct walk *walk, const struct gait *gait)
 {
     bool holds = walk->holds_heading;
@@ -162,8 +161,8 @@ static double walk_turn(struct walk *walk, const struct gait *gait)
     return fmin(fmax(rate, -HEADING_RAD_S), HEADING_RAD_S);
 }
 
-/* Updates the command of this period: stepping on the spot for two steps, then accelerating. No
- * step is longer than the legs reach, whatever its duration. */
+/* Updates the command of this period: two steps in place, then an acceleration. The speed is
+ * limited so that no step exceeds the reach of the legs. */
 static void walk_command(struct walk *walk, const struct walk_config *config, double dt)
 {
     const struct gait *gait = balance_gait(walk->balance);
@@ -186,7 +185,7 @@ static void walk_command(struct walk *walk, const struct walk_config *config, do
     }
 }
 
-/* Begins and ends stepping, by the user's setting or where the rig's walk is complete. */
+/* Begins and ends stepping: at the user's setting, or when the walk of the rig is complete. */
 static void walk_begin_or_halt(struct task *task, double t_s)
 {
     struct walk *walk = task->state;
@@ -196,7 +195,7 @@ static void walk_begin_or_halt(struct task *task, double t_s)
     double x = at[0] - walk->from_m[0], y = at[1] - walk->from_m[1];
     bool on = walk->value[WALK_ON] > 0 && balance_ready(walk->balance) && t_s > config->begin_s;
 
-    /* The steps or the distance that the rig asks for are done */
+    /* Check whether the rig's number of steps or distance is reached */
     if (walk->command.step) {
         walk->arrived = walk->arrived || (config->distance_m > 0 &&
                                           x * x + y * y > config->distance_m * config->distance_m);
@@ -209,7 +208,7 @@ static void walk_begin_or_halt(struct task *task, double t_s)
         on = false;
     }
 
-    /* From a stand only, and from rest */
+    /* Begin only from standing at rest */
     if (on && !walk->command.step) {
         if (gait->now.phase != GAIT_STAND) {
             return;
