@@ -118,7 +118,10 @@ void rig_command_suggest(const char *rig, const char *task, const struct task_in
         }
     }
     if (used) {
-        snprintf(others, sizeof others, more ? " and %zu more" : "", more);
+        others[0] = '\0';
+        if (more) {
+            snprintf(others, sizeof others, " and %zu more", more);
+        }
         error_set(error, first.code, "%.400s; rigs that can run the task %s: %s%s", first.text,
                   task, names, others);
     }

@@ -177,11 +177,9 @@ static void write_value(const struct emission *e, const struct graph_node *node)
     /* Write angles and lanes */
     case GRAPH_SIN:
     case GRAPH_COS:
-
         /* Write the reference to a sine or cosine, which is computed at the start */
-        const char *array = node->op == GRAPH_SIN ? "sine" : "cosine";
-
-        write_place(e->file, true, node->width, array, e->slot[expr_node(node->operand[0])]);
+        write_place(e->file, true, node->width, node->op == GRAPH_SIN ? "sine" : "cosine",
+                    e->slot[expr_node(node->operand[0])]);
         break;
     case GRAPH_LANE:
         write_operand(e, node->operand[0]);

@@ -75,7 +75,7 @@ lost_and_found()
 {
     grep -q 'can0 is down' "$work/err" && grep -q 'can0 is up' "$work/err" &&
         grep -q 'can0 is gone' "$work/err" &&
-        only clock_nanosleep recvmmsg sendmmsg getsockopt clock_gettime
+        only clock_nanosleep ppoll recvmmsg sendmmsg getsockopt clock_gettime
 }
 verdict "an interface goes down, comes up and vanishes" lost_and_found
 exit $((failures > 0))

@@ -17,7 +17,7 @@ simulate()
     local name=$1 rig=$2
     shift 2
     setpriv --bounding-set -sys_nice --inh-caps -sys_nice \
-        "$program" run "$rig" --clock real --transport socketcan --quiet \
+        "$program" run "$rig" --clock real --transport socketcan \
         --control "$work/$name.socket" "$@" >"$work/$name.out" 2>"$work/$name.err" </dev/null &
     simulator=$!
     for _ in $(seq 600); do
