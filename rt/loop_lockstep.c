@@ -145,6 +145,10 @@ bool loop_wait_for_step(struct loop *loop)
         if (!loop_step_controller(loop)) {
             return step_find_frame(loop);
         }
+        /* Where the controller ends the run must not depend on when the next STEP arrives */
+        if (loop_stop_requested(loop)) {
+            return false;
+        }
         if (step_find_frame(loop)) {
             break;
         }

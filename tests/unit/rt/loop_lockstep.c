@@ -414,3 +414,26 @@ TEST(an_inline_controller_steps_without_waiting)
     assert_int_equal(bench->waits, 0);
     bench_destroy(bench);
 }
+
+/* Ends the run when the next STEP waits already. */
+static bool ending_controller(void *context, int64_t time_ns)
+{
+    struct bench *bench = context;
+
+    if (time_ns == 2 * TICK) {
+        send_step(bench, 2, 1);
+        loop_stop(bench->loop);
+    }
+    return true;
+}
+
+TEST(a_controller_ends_the_run_before_a_step_that_waits)
+{
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
+
+    bench->config.machine.controller = ending_controller;
+    send_step(bench, 0, 2);
+    assert_int_equal(bench_run(bench), LOOP_END_STOPPED);
+    assert_int_equal(loop_stats(bench->loop)->ticks, 2);
+    bench_destroy(bench);
+}
