@@ -115,8 +115,7 @@ function importRobot(work, file, text, meshes) {
   return { folder: join(from, 'out'), text: stdout };
 }
 
-const start = (work, rig) => begin(work, program, ['run', rig, '--transport', 'local', '--clock', 'real', '--control', 'none',
-  '--quiet']);
+const start = (work, rig) => begin(work, program, ['run', rig, '--transport', 'local', '--clock', 'real', '--control', 'none']);
 
 // ---- in the page ----
 
