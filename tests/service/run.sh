@@ -258,7 +258,7 @@ done
 # no end
 ends()
 {
-    "$program" run "$@" --transport local --control "$work/it's" --quiet --ready "$work/ready" \
+    "$program" run "$@" --transport local --control "$work/it's" --ready "$work/ready" \
         >"$work/out" 2>"$work/err" </dev/null &
     for _ in $(seq 600); do
         [ -e "$work/ready" ] && break
