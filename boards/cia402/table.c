@@ -281,18 +281,19 @@ int64_t cia402_highest(const struct cia402_object *object)
 
 int64_t cia402_most(const struct cia402_node *node, const struct cia402_entry *entry)
 {
-    const struct board_axis_config *config = &node->board.config.axis[entry->unit];
+    /* Only objects of an axis have its number as their unit */
+    const struct board_axis_config *axis = node->board.config.axis;
     int64_t most = cia402_highest(entry->object);
+    double limit_c;
 
     switch (entry->object->index) {
     case 0x4012:
-        return cia402_counts(config->current_limit_a, 1e-3);
+        return cia402_counts(axis[entry->unit].current_limit_a, 1e-3);
     case 0x4013:
-        return config->temperature_limit_c > 0.0
-                   ? control_clamp(cia402_counts(config->temperature_limit_c, 1.0), 1, most)
-                   : most;
+        limit_c = axis[entry->unit].temperature_limit_c;
+        return limit_c > 0.0 ? control_clamp(cia402_counts(limit_c, 1.0), 1, most) : most;
     case 0x6060: /* an axis with a valve has no torque modes */
-        return config->valve ? CIA402_CYCLIC_VELOCITY : most;
+        return axis[entry->unit].valve ? CIA402_CYCLIC_VELOCITY : most;
     default:
         return most;
     }
