@@ -106,7 +106,7 @@ static void apply_joint_torques(struct plant *plant, const double *state)
             passive_torque(&robot->joint[j].passive, plant_joint_position(plant, state, j),
                            plant_joint_rate(plant, state, j));
     }
-    /* Add the end stops, of which few are pressed, then the couplings */
+    /* Add the forces of the end stops that joints press, then the forces of the couplings */
     for (size_t j = 0; j < robot->njoint; j++) {
         double depth = plant_joint_depth(plant, state, j);
 

@@ -7,8 +7,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Foot and ground have the materials of the paper's walking code; the box has that of its Table
- * 2. */
+/* Foot and ground use the materials of the paper's walking code. The box uses the material of the
+ * paper's Table 2. */
 static const struct contact_material foot_material = {1e5, 2e-4, 10, 1.1, 0.9, 0, 0};
 static const struct contact_material ground_material = {1e5, 1e-3, 10, 1.1, 0.9, 0, 0};
 static const struct contact_material box_material = {1e4, 1e-3, 10, 1.1, 0.9, 0.5, 0};

@@ -355,7 +355,7 @@ TEST(surfaces_and_frames_of_a_held_base_stay_where_they_were)
     assert_true(robot->floating); /* the original is as it was */
 }
 
-/* What another file lacks is told where the rig asks for it. */
+/* A variant or a file that does not exist is refused at its place in the rig. */
 TEST(what_a_rig_names_in_vain_is_refused_with_its_line)
 {
     static const struct {

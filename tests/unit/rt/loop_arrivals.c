@@ -52,7 +52,7 @@ static void receive(void *context, int64_t now_ns, size_t bus, const struct bus_
     script.received_at_ns = ((struct bench *)context)->now;
 }
 
-/* Answers once a call, whatever the number of frames. */
+/* Returns one answer per call, for any number of received frames. */
 static size_t answer(void *context, int64_t now_ns, size_t bus, struct bus_frame *frames,
                      size_t max)
 {

@@ -130,7 +130,7 @@ TEST_WITH(a_file_of_a_living_run_stays, begin, end)
     assert_int_equal(access(path, F_OK), -1);
 }
 
-/* A link to a file, to nothing, and to a device, of which only the last may be written. */
+/* A run refuses a link to a file and a link to nothing. It writes through a link to a device. */
 TEST_WITH(a_link_stays, begin, end)
 {
     static const char *const to[] = {"there", "not-there", "/dev/null"};

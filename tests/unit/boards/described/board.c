@@ -864,7 +864,7 @@ TEST(the_log_speaks_in_the_names_of_the_file)
     }
 }
 
-/* Its reason must not become that of the next event. */
+/* The reason of a malformed frame must not appear in the next event. */
 TEST(a_wrong_frame_for_no_board_leaves_no_trace)
 {
     struct board_event event;

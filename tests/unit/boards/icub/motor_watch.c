@@ -266,8 +266,8 @@ TEST(a_rest_gives_no_credit_to_an_over_current)
     }
 }
 
-/* 0.1 degree C a count: 100.0 is the limit, 100.1 is above it. A thermometer without a number trips
- * nothing, whatever it said before, and STATUS says so. */
+/* A count is 0.1 degree C: 100.0 is the limit, 100.1 is above it. A thermometer whose value is not
+ * a number trips no motor, also after a hot value, and STATUS reports the thermometer as bad. */
 TEST_WITH(a_hot_winding_trips_and_a_failed_thermometer_does_not, bench_set_up, bench_tear_down)
 {
     struct board_event event;
@@ -315,7 +315,7 @@ TEST(can_states_begin_at_their_counts)
         bench_send(&bench, 0, 0x001, "49 04 00 00 00");
         bench_ticks(&bench, 8);
         boards_set_can_state(bench.boards, 0, &can);
-        set_mode(&bench, 0x50); /* a change of mode is told in any state */
+        set_mode(&bench, 0x50); /* each change of mode gives an event */
         frame = bench_next_status(&bench);
         assert_non_null(frame);
         assert_int_equal(frame->data[4], cases[i].status);
