@@ -8,6 +8,8 @@
 #include "manual/identify.h"
 #include "manual/validate.h"
 
+#include <math.h>
+#include <signal.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -19,14 +21,22 @@ struct identify_options {
     bool cross;
 };
 
-/* Overwrites the line of progress, on a terminal. */
+/* Set by an interrupt from the keyboard. */
+static volatile sig_atomic_t interrupted;
+
+static void stop_fit(int number)
+{
+    (void)number;
+    interrupted = 1;
+}
+
+/* Shows the progress: overwrites its line on a terminal, else writes a line. */
 static void show_progress(void *context, int step, double rms_rad)
 {
     const bool *terminal = context;
 
-    if (*terminal) {
-        fprintf(stderr, "\ridentify: step %d, RMS error %.5f rad ", step, rms_rad);
-    }
+    fprintf(stderr, "%sidentify: step %d, RMS error %.5f rad%s", *terminal ? "\r" : "", step,
+            rms_rad, *terminal ? " " : "\n");
 }
 
 /* Splits the keys of --free in place. Returns their number. */
@@ -56,7 +66,7 @@ static void print_identified(const struct identify_bench *bench, const struct fi
     }
     for (size_t i = 0; i < problem->nfree; i++) {
         for (size_t k = 0; k < i; k++) {
-            if (fit->correlation[i][k] > 0.95 || fit->correlation[i][k] < -0.95) {
+            if (fabs(fit->correlation[i][k]) > FIT_CORRELATED) {
                 printf("%s and %s are hardly told apart: correlation %.3f\n",
                        parameter_key(problem->free[k].parameter),
                        parameter_key(problem->free[i].parameter), fit->correlation[i][k]);
@@ -102,9 +112,10 @@ static enum error_code open_bench(const struct identify_options *o, struct arena
     return code;
 }
 
-/* Identifies and writes the requested results. */
+/* Identifies and writes the requested results. *failed is whether the fit is of no use or was
+ * interrupted. */
 static enum error_code identify_do(const struct identify_options *o, struct arena *arena,
-                                   struct error *error)
+                                   bool *failed, struct error *error)
 {
     static struct identify_bench bench;
     static struct identify_result result;
@@ -126,7 +137,11 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
                                    .robust_rad = bench.bench.robust_rad,
                                    .steps = FIT_STEPS,
                                    .progress = show_progress,
-                                   .context = &terminal};
+                                   .context = &terminal,
+                                   .interrupted = &interrupted};
+    /* An interrupt ends the fit with an interim result. A second one ends the program. */
+    sigaction(SIGINT, &(struct sigaction){.sa_handler = stop_fit, .sa_flags = (int)SA_RESETHAND},
+              NULL);
     /* Refuses a file that cannot be written before the fit, which may take long */
     code = o->output ? whole_file_probe(o->output, error) : ERROR_NONE;
     code = code ? code : fit_prepare(&bench.bench, key, split_keys(keys, key), &problem, error);
@@ -138,7 +153,13 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
         return code;
     }
     print_identified(&bench, &problem, &result);
-    if (o->output) {
+    *failed = interrupted || result.failure[0];
+    if (result.failure[0]) {
+        fprintf(stderr, "identify: error: %s; no drive file is written\n", result.failure);
+    } else if (interrupted) {
+        fputs("identify: interrupted; the numbers are interim ones\n", stderr);
+    }
+    if (o->output && !result.failure[0]) {
         code = identify_write_drive(&bench, &problem, &result, o->output, error);
     }
     if (!code && o->report) {
@@ -182,6 +203,7 @@ int cmd_identify(int argc, char **argv)
     struct arena arena;
     struct error error;
     enum error_code code;
+    bool failed = false;
     int status;
 
     if (!options_read(&spec, argc, argv, &status)) {
@@ -195,9 +217,10 @@ int cmd_identify(int argc, char **argv)
     if (arena_init(&arena, RIG_COMMAND_ARENA, &error)) {
         return options_fail(&spec, &error);
     }
-    code = identify_do(&o, &arena, &error);
+    code = identify_do(&o, &arena, &failed, &error);
     arena_fini(&arena);
-    return options_end(&spec, code, &error);
+    status = options_end(&spec, code, &error);
+    return status == STATUS_OK && failed ? STATUS_FAILED : status;
 }
 
 /* ---- validate ---- */

@@ -38,6 +38,7 @@ static const struct yaml_field column_fields[] = {
     TEXT("supply", false, supply),
     TEXT("gain", false, gain_word),
     TEXT("torque", false, torque),
+    TEXT("current", false, current),
     {"voltage_before", YAML_BOOL, false, .offset = AT(voltage_before)},
 };
 static const struct yaml_schema column_schema =
@@ -263,18 +264,21 @@ enum error_code bench_read(const char *path, struct arena *arena, struct bench *
 enum error_code bench_of_own(const char *joint, struct arena *arena, struct bench *bench,
                              struct error *error)
 {
-    char title[2][96];
+    char title[3][96];
 
     snprintf(title[0], sizeof title[0], "q_%.63s_rad", joint);
     snprintf(title[1], sizeof title[1], "voltage_%.63s_v", joint);
+    snprintf(title[2], sizeof title[2], "current_%.63s_a", joint);
     *bench = (struct bench){
         .name = "own",
         .columns = {.time = "time_s",
                     .position = arena_strdup(arena, title[0]),
                     .voltage = arena_strdup(arena, title[1]),
-                    .voltage_before = true},
+                    .current = arena_strdup(arena, title[2]),
+                    .voltage_before = true,
+                    .current_is_optional = true},
     };
-    return bench->columns.position && bench->columns.voltage
+    return bench->columns.position && bench->columns.voltage && bench->columns.current
                ? ERROR_NONE
                : error_set(error, ERROR_MEMORY, "no memory for a bench");
 }
@@ -314,6 +318,7 @@ enum {
     COLUMN_VOLTAGE,
     COLUMN_ENABLED,
     COLUMN_SUPPLY,
+    COLUMN_CURRENT,
     COLUMNS
 };
 
@@ -325,14 +330,15 @@ static enum error_code find_columns(const struct bench_columns *columns, const s
     const char *const title[COLUMNS] = {
         columns->time,    columns->position,
         columns->goal,    columns->voltage ? columns->voltage : columns->torque,
-        columns->enabled, columns->supply};
+        columns->enabled, columns->supply,
+        columns->current};
 
     for (size_t i = 0; i < COLUMNS; i++) {
         column[i] = -1;
         for (size_t k = 0; title[i] && k < csv->ncolumn; k++) {
             column[i] = !strcmp(csv->title[k], title[i]) ? (int)k : column[i];
         }
-        if (title[i] && column[i] < 0) {
+        if (title[i] && column[i] < 0 && !(i == COLUMN_CURRENT && columns->current_is_optional)) {
             const char *near = text_nearest(title[i], csv->title, csv->ncolumn);
 
             return error_set(error, ERROR_INPUT, "%s:1: found no column \"%.80s\"%s%.80s%s%s",
@@ -365,6 +371,9 @@ static enum error_code read_rows(struct csv *csv, const int column[COLUMNS], siz
         r->position[i] = csv->cell[column[COLUMN_POSITION]];
         r->goal[i] = column[COLUMN_GOAL] < 0 ? 0.0 : csv->cell[column[COLUMN_GOAL]];
         r->voltage[i] = column[COLUMN_VOLTAGE] < 0 ? 0.0 : csv->cell[column[COLUMN_VOLTAGE]];
+        if (r->current) {
+            r->current[i] = csv->cell[column[COLUMN_CURRENT]];
+        }
         r->enabled[i] = column[COLUMN_ENABLED] < 0 || csv->cell[column[COLUMN_ENABLED]] > 0.5;
         supply += column[COLUMN_SUPPLY] < 0 ? 0.0 : csv->cell[column[COLUMN_SUPPLY]];
         if (i > 0 && !(r->time[i] > r->time[i - 1])) {
@@ -388,15 +397,17 @@ static enum error_code read_rows(struct csv *csv, const int column[COLUMNS], siz
     return code;
 }
 
-enum error_code recording_alloc(struct recording *r, size_t count, struct arena *arena,
-                                struct error *error)
+enum error_code recording_alloc(struct recording *r, size_t count, bool has_current,
+                                struct arena *arena, struct error *error)
 {
     r->time = arena_alloc(arena, count, sizeof *r->time);
     r->position = arena_alloc(arena, count, sizeof *r->position);
     r->goal = arena_alloc(arena, count, sizeof *r->goal);
     r->voltage = arena_alloc(arena, count, sizeof *r->voltage);
     r->enabled = arena_alloc(arena, count, sizeof *r->enabled);
-    return r->file && r->time && r->position && r->goal && r->voltage && r->enabled
+    r->current = has_current ? arena_alloc(arena, count, sizeof *r->current) : NULL;
+    return r->file && r->time && r->position && r->goal && r->voltage && r->enabled &&
+                   (r->current || !has_current)
                ? ERROR_NONE
                : error_set(error, ERROR_MEMORY, "no memory left for a recording");
 }
@@ -415,11 +426,11 @@ static enum error_code read_table(const struct bench *bench, const char *path, c
     for (size_t i = comments; i < size; i++) {
         most += text[i] == '\n';
     }
-    if ((code = recording_alloc(r, most + 1, arena, error)) ||
-        (code = csv_open_memory(path, text + comments, size - comments, &csv, error))) {
+    if ((code = csv_open_memory(path, text + comments, size - comments, &csv, error))) {
         return code;
     }
     code = find_columns(&bench->columns, csv, column, error);
+    code = code ? code : recording_alloc(r, most + 1, column[COLUMN_CURRENT] >= 0, arena, error);
     code = code ? code : read_rows(csv, column, most + 1, r, error);
     csv_close(csv);
     return code;

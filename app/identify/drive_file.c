@@ -71,8 +71,15 @@ static void write_keys(const struct identify_bench *bench, const struct fit_prob
         }
         fprintf(out, "  %s: %.6g", parameter_key(i), value);
         if (free >= 0) {
-            fprintf(out, "  # I: sigma %.2g, %s\n", result->fit.sigma[free],
+            const int partner = fit_partner(&result->fit, problem->nfree, (size_t)free);
+
+            fprintf(out, "  # I: sigma %.2g, %s", result->fit.sigma[free],
                     word_of(fit_verdict_words, (int)result->fit.verdict[free]));
+            if (partner >= 0) {
+                fprintf(out, "; correlation %.3f with %s", result->fit.correlation[free][partner],
+                        parameter_key(problem->free[partner].parameter));
+            }
+            fputc('\n', out);
         } else {
             fprintf(out, "  # %s\n", value != parameter_get(&bench->trial, i) ? "F" : "as it was");
         }

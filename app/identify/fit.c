@@ -31,17 +31,21 @@ enum { THREADS_MAX = 8 };
 
 const struct word fit_verdict_words[] = {{"known", FIT_KNOWN},
                                          {"rough", FIT_ROUGH},
+                                         {"known only with another number", FIT_PAIRED},
                                          {"at its bound", FIT_BOUND},
                                          {"not told by these recordings", FIT_NOT_TOLD},
+                                         {"interim", FIT_INTERIM},
                                          {NULL, 0}};
 
 /* A running fit. */
 struct fit {
     const struct fit_problem *problem;
-    size_t first[1024], nrow; /* first residual of each recording; number of all rows */
-    size_t m;                 /* number of residuals, priors included */
-    double level; /* error of one independent measurement, rad, which scales the priors */
-    double *work; /* residuals for nfree + 1 sets of variables, m each */
+    size_t first[1024];  /* first residual of each recording: its angles, then its currents */
+    size_t nrow, nangle; /* number of residuals of recordings, and of those that are angles */
+    size_t m;            /* number of residuals, priors included */
+    double level;        /* error of one independent measurement, rad, which scales the priors */
+    double ampere;       /* weight of a current, rad/A */
+    double *work;        /* residuals for nfree + 1 sets of variables, m each */
     atomic_int simulations;
     int step;
     struct error *error;
@@ -112,13 +116,17 @@ static enum error_code residuals_of(struct fit *fit, size_t recording, const dou
 {
     const struct fit_problem *problem = fit->problem;
     const struct recording *r = &problem->recording[recording];
+    struct simulated simulated = {.position = out, .current = r->current ? out + r->count : NULL};
     struct trial_robot trial;
     enum error_code code;
 
     set_variables(problem, u, &trial);
-    code = simulate_recording(problem->rig, &trial, problem->law, r, out, error);
+    code = simulate_recording(problem->rig, &trial, problem->law, r, &simulated, error);
     for (size_t i = 0; i < r->count && !code; i++) {
         out[i] = soften_error(out[i] - r->position[i], problem->robust_rad);
+        if (r->current) {
+            simulated.current[i] = fit->ampere * (simulated.current[i] - r->current[i]);
+        }
     }
     atomic_fetch_add(&fit->simulations, 1);
     return code;
@@ -199,15 +207,27 @@ static void run_batch(struct fit *fit, const double *u, size_t nset, double *out
 
 /* ---- the solver's view ---- */
 
-/* Returns the root mean square of the residuals of recordings, rad. */
-static double rms_of(const struct fit *fit, const double *residual)
+/* Returns the root mean square of the residuals of angles, rad. *current receives that of currents,
+ * weighted, rad; it may be NULL. */
+static double rms_of(const struct fit *fit, const double *residual, double *current)
 {
-    double sum = 0.0;
+    double sum[2] = {0.0, 0.0};
 
-    for (size_t i = 0; i < fit->nrow; i++) {
-        sum += residual[i] * residual[i];
+    for (size_t r = 0; r < fit->problem->nrecording; r++) {
+        const struct recording *recording = &fit->problem->recording[r];
+        const double *x = residual + fit->first[r];
+
+        for (size_t i = 0; i < recording->count && is_used(fit->problem, r); i++) {
+            sum[0] += x[i] * x[i];
+            if (recording->current) {
+                sum[1] += x[recording->count + i] * x[recording->count + i];
+            }
+        }
     }
-    return sqrt(sum / (double)fit->nrow);
+    if (current) {
+        *current = fit->nrow > fit->nangle ? sqrt(sum[1] / (double)(fit->nrow - fit->nangle)) : 0.0;
+    }
+    return sqrt(sum[0] / (double)fit->nangle);
 }
 
 /* Callback of the solver: computes the residuals (flag 1), or the Jacobian by forward differences
@@ -218,6 +238,9 @@ static int fit_evaluate(void *context, int m, int n, const double *u, double *re
     struct fit *fit = context;
     double set[IDENTIFY_FREE_MAX * IDENTIFY_FREE_MAX] = {0};
 
+    if (fit->problem->interrupted && *fit->problem->interrupted) {
+        return -1;
+    }
     if (flag == 1) {
         run_batch(fit, u, 1, residual);
         prior_residuals(fit, u, residual);
@@ -228,7 +251,7 @@ static int fit_evaluate(void *context, int m, int n, const double *u, double *re
         set[i * n + i] += u[i] > 0.0 ? -DIFFERENCE : DIFFERENCE;
     }
     if (fit->problem->progress) {
-        fit->problem->progress(fit->problem->context, ++fit->step, rms_of(fit, residual));
+        fit->problem->progress(fit->problem->context, ++fit->step, rms_of(fit, residual, NULL));
     }
     run_batch(fit, set, (size_t)n, fit->work);
     for (int i = 0; i < n && !fit->code; i++) {
@@ -245,7 +268,7 @@ static int fit_evaluate(void *context, int m, int n, const double *u, double *re
 /* ---- what the fit tells ---- */
 
 /* Returns the number of rows that count as one independent measurement: 1 + 2 times the sum of the
- * residuals' autocorrelation up to its first zero, over all recordings. */
+ * residuals' autocorrelation up to its first zero, over the angles of all recordings. */
 static double find_coherence(const struct fit *fit, const double *residual)
 {
     double sum = 0.0, all = 0.0;
@@ -278,84 +301,155 @@ static double find_coherence(const struct fit *fit, const double *residual)
     return all > 0.0 ? sum / all : 1.0;
 }
 
+int fit_partner(const struct fit_result *result, size_t count, size_t i)
+{
+    double most = FIT_CORRELATED;
+    int partner = -1;
+
+    for (size_t k = 0; k < count; k++) {
+        if (k != i && fabs(result->correlation[i][k]) > most) {
+            most = fabs(result->correlation[i][k]);
+            partner = (int)k;
+        }
+    }
+    return partner;
+}
+
 /* Returns the verdict on the uncertainty of a parameter. */
 static enum fit_verdict judge_value(const struct fit_free *free, double u, double value,
-                                    double sigma)
+                                    double sigma, bool paired)
 {
     const double range = free->upper - free->lower;
 
     return fabs(sin(u)) > AT_BOUND                        ? FIT_BOUND
            : !(sigma > 0.0) || 2.0 * sigma >= 0.5 * range ? FIT_NOT_TOLD
-           : 2.0 * sigma <= FIT_KNOWN_SHARE * fabs(value) ? FIT_KNOWN
+           : 2.0 * sigma <= FIT_KNOWN_SHARE * fabs(value) ? (paired ? FIT_PAIRED : FIT_KNOWN)
            : 2.0 * sigma >= fabs(value)                   ? FIT_NOT_TOLD
                                                           : FIT_ROUGH;
 }
 
-/* Computes sigmas and correlations from the solver's factors. */
-static void find_covariance(struct fit *fit, const double *u, double sum, double *factor,
-                            const int *pivot, struct fit_result *result)
+/* Adds the gradient g of each block of consecutive rows as g g' to sum (n x n). jacobian is in
+ * column order. Priors are blocks of one row. */
+static void add_blocks(const struct fit *fit, const double *jacobian, const double *residual,
+                       size_t length, double sum[IDENTIFY_FREE_MAX][IDENTIFY_FREE_MAX])
 {
-    const int n = (int)fit->problem->nfree;
-    double work[IDENTIFY_FREE_MAX];
+    const size_t n = fit->problem->nfree;
+    size_t end;
 
-    __cminpack_func__(covar1)((int)fit->m, n, sum, factor, (int)fit->m, pivot, 1e-10, work);
-    for (int i = 0; i < n; i++) {
-        const struct fit_free *free = &fit->problem->free[i];
-        const double own = factor[(size_t)i * fit->m + (size_t)i];
+    for (size_t row = 0; row < fit->m; row = end) {
+        double gradient[IDENTIFY_FREE_MAX] = {0.0};
 
-        result->value[i] = fit_value(free, u[i]);
-        result->sigma[i] = sqrt(fmax(0.0, own) * result->coherence) * fabs(fit_slope(free, u[i]));
-        result->verdict[i] = judge_value(free, u[i], result->value[i], result->sigma[i]);
-        for (int k = 0; k < n; k++) {
-            const double other = factor[(size_t)k * fit->m + (size_t)k];
-
-            result->correlation[i][k] =
-                own > 0.0 && other > 0.0
-                    ? factor[(size_t)k * fit->m + (size_t)i] / sqrt(own * other)
-                    : i == k;
+        end = row >= fit->nrow ? row + 1 : row + length > fit->nrow ? fit->nrow : row + length;
+        for (size_t i = 0; i < n; i++) {
+            for (size_t k = row; k < end; k++) {
+                gradient[i] += jacobian[i * fit->m + k] * residual[k];
+            }
+        }
+        for (size_t i = 0; i < n; i++) {
+            for (size_t k = 0; k < n; k++) {
+                sum[i][k] += gradient[i] * gradient[k];
+            }
         }
     }
 }
 
-/* Computes rms and coherence of the residuals, and the error of an independent measurement. */
-static void weigh_residuals(struct fit *fit, const double *residual, struct fit_result *result)
+/* Computes sigmas and correlations at the solution. factor and pivot are the solver's. Two
+ * estimates of the variance exist, and the larger one counts: sum of squares times inverse normal
+ * matrix times coherence, and the sandwich of the gradients of blocks of rows, which holds for
+ * residuals that are correlated or unequal (White, Econometrica 48, 1980). */
+static void find_covariance(struct fit *fit, const double *u, double *residual, double *factor,
+                            const int *pivot, struct fit_result *result)
 {
-    result->rms_rad = rms_of(fit, residual);
-    result->coherence = find_coherence(fit, residual);
-    fit->level = result->rms_rad * sqrt(result->coherence);
+    const size_t n = fit->problem->nfree, m = fit->m;
+    double work[IDENTIFY_FREE_MAX], blocks[IDENTIFY_FREE_MAX][IDENTIFY_FREE_MAX] = {{0.0}};
+    double inverse[IDENTIFY_FREE_MAX][IDENTIFY_FREE_MAX], square = 0.0;
+
+    __cminpack_func__(covar)((int)n, factor, (int)m, pivot, 1e-10, work);
+    for (size_t i = 0; i < n; i++) {
+        for (size_t k = 0; k < n; k++) {
+            inverse[i][k] = factor[k * m + i];
+        }
+    }
+    if (fit_evaluate(fit, (int)m, (int)n, u, residual, factor, (int)m, 2)) {
+        return;
+    }
+    for (size_t i = 0; i < m; i++) {
+        square += residual[i] * residual[i] / (double)(m - n);
+    }
+    add_blocks(fit, factor, residual, (size_t)ceil(2.0 * result->coherence), blocks);
+    for (size_t i = 0; i < n; i++) {
+        const struct fit_free *free = &fit->problem->free[i];
+        double variance = 0.0;
+
+        for (size_t k = 0; k < n; k++) {
+            for (size_t l = 0; l < n; l++) {
+                variance += inverse[i][k] * blocks[k][l] * inverse[l][i];
+            }
+            result->correlation[i][k] = inverse[i][i] > 0.0 && inverse[k][k] > 0.0
+                                            ? inverse[i][k] / sqrt(inverse[i][i] * inverse[k][k])
+                                            : i == k;
+        }
+        variance = fmax(variance, square * inverse[i][i] * result->coherence);
+        result->sigma[i] = sqrt(fmax(0.0, variance)) * fabs(fit_slope(free, u[i]));
+    }
+    for (size_t i = 0; i < n; i++) {
+        result->verdict[i] = judge_value(&fit->problem->free[i], u[i], result->value[i],
+                                         result->sigma[i], fit_partner(result, n, i) >= 0);
+    }
 }
 
-/* Runs the solver. With priors it runs twice, because they are weighted by the errors of the first
- * run. Allocates residuals and Jacobian. */
+/* Computes rms and coherence of the residuals, and the error of an independent measurement. Gives
+ * angles and currents the weights of their own errors, if reweight is set. */
+static void weigh_residuals(struct fit *fit, const double *residual, bool reweight,
+                            struct fit_result *result)
+{
+    double current;
+
+    result->rms_rad = rms_of(fit, residual, &current);
+    result->rms_a = current / fit->ampere;
+    result->coherence = find_coherence(fit, residual);
+    fit->level = result->rms_rad * sqrt(result->coherence);
+    if (reweight && result->rms_a > 0.0 && result->rms_rad > 0.0) {
+        fit->ampere = result->rms_rad / result->rms_a;
+    }
+}
+
+/* Runs the solver. With priors or currents it runs twice, because they are weighted by the errors
+ * of the first run. */
 static enum error_code run_solver(struct fit *fit, double *u, double *residual, double *jacobian,
                                   double *last, struct fit_result *result)
 {
     const int n = (int)fit->problem->nfree, m = (int)fit->m;
+    const int rounds = fit->m > fit->nangle ? 2 : 1;
     double diagonal[IDENTIFY_FREE_MAX], qtf[IDENTIFY_FREE_MAX], work[3][IDENTIFY_FREE_MAX];
     int pivot[IDENTIFY_FREE_MAX], evaluations, jacobians;
 
     run_batch(fit, u, 1, residual);
-    weigh_residuals(fit, residual, result);
-    for (int round = 0; round <= (fit->m > fit->nrow) && !fit->code; round++) {
+    weigh_residuals(fit, residual, true, result);
+    for (int round = 0; round < rounds && !fit->code; round++) {
         __cminpack_func__(lmder)(fit_evaluate, fit, m, n, u, residual, jacobian, m, TOLERANCE,
                                  TOLERANCE, 0.0, 3 * fit->problem->steps, diagonal, 1, 1.0, 0,
                                  &evaluations, &jacobians, pivot, qtf, work[0], work[1], work[2],
                                  last);
-        weigh_residuals(fit, residual, result);
+        weigh_residuals(fit, residual, round + 1 < rounds, result);
     }
-    result->simulations = atomic_load(&fit->simulations);
+    for (int i = 0; i < n; i++) {
+        result->value[i] = fit_value(&fit->problem->free[i], u[i]);
+        result->sigma[i] = NAN;
+        result->verdict[i] = FIT_INTERIM;
+    }
     if (!fit->code) {
-        find_covariance(fit, u, result->rms_rad * result->rms_rad * (double)fit->nrow, jacobian,
-                        pivot, result);
+        find_covariance(fit, u, residual, jacobian, pivot, result);
         set_variables(fit->problem, u, &result->trial);
     }
+    result->simulations = atomic_load(&fit->simulations);
     return fit->code;
 }
 
 enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *result,
                           struct error *error)
 {
-    struct fit fit = {.problem = problem, .error = error};
+    struct fit fit = {.problem = problem, .error = error, .ampere = 1.0};
     double u[IDENTIFY_FREE_MAX], *memory;
     enum error_code code;
 
@@ -371,7 +465,10 @@ enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *
     /* Assign residuals to the recordings, then to the priors */
     for (size_t r = 0; r < problem->nrecording; r++) {
         fit.first[r] = fit.nrow;
-        fit.nrow += is_used(problem, r) ? problem->recording[r].count : 0;
+        if (is_used(problem, r)) {
+            fit.nangle += problem->recording[r].count;
+            fit.nrow += problem->recording[r].count * (problem->recording[r].current ? 2 : 1);
+        }
     }
     fit.m = fit.nrow;
     for (size_t i = 0; i < problem->nfree; i++) {

@@ -4,12 +4,17 @@
 #include "app/identify/identify.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 #include <time.h>
 
 /* Largest span of the angles in a recording, as a multiple of the joint's range, because end stops
  * yield. */
 static const double RANGES_MAX = 1.5;
+
+/* A fit is of no use if its mean error exceeds that of the start values by this factor. Priors and
+ * measured currents may raise it a little. */
+static const double WORSE = 1.05;
 
 /* Replaces the drive's numbers by the numbers of a bench. */
 static void set_numbers(struct identify_bench *bench)
@@ -204,30 +209,67 @@ double identify_mean(const double *error, size_t count)
     return used ? sum / (double)used : -1.0;
 }
 
+/* Returns whether simulated angles leave the joint's range and measured ones do not. */
+static bool leaves_range(const struct trial_robot *trial, const struct recording *r,
+                         const double *position)
+{
+    const struct robot_joint *joint = &trial->joint;
+    double most[2] = {0.0, 0.0};
+
+    for (size_t i = 0; i < r->count; i++) {
+        const double both[2] = {position[i], r->position[i]};
+
+        for (int k = 0; k < 2; k++) {
+            const double q = both[k] + trial->bench.offset_rad;
+
+            most[k] = fmax(most[k], fmax(q - joint->upper, joint->lower - q));
+        }
+    }
+    return most[0] > 0.0 && !(most[1] > 0.0);
+}
+
 /* Simulates all recordings with the parameters of a trial, and computes their mean errors. position
- * may be NULL. */
+ * and failure may be NULL; failure receives why a simulation of a recording in use is of no use. */
 static enum error_code judge_all(const struct identify_bench *bench,
                                  const struct trial_robot *trial, struct arena *arena,
-                                 double *error_rad, double **position, struct error *error)
+                                 double *error_rad, double **position, char failure[256],
+                                 struct error *error)
 {
     enum error_code code = ERROR_NONE;
 
     for (size_t i = 0; i < bench->nrecording && !code; i++) {
         const struct recording *r = &bench->recording[i];
-        double *simulated = arena_alloc(arena, r->count, sizeof *simulated);
+        struct simulated simulated = {.position =
+                                          arena_alloc(arena, r->count, sizeof *simulated.position)};
 
-        if (!simulated) {
+        if (!simulated.position) {
             return error_set(error, ERROR_MEMORY, "no memory for simulated recordings");
         }
-        code = simulate_recording(bench->rig, trial, &bench->bench.law, r, simulated, error);
+        code = simulate_recording(bench->rig, trial, &bench->bench.law, r, &simulated, error);
         if (!code) {
-            error_rad[i] = simulation_compare(r, simulated).mean;
+            error_rad[i] = simulation_compare(r, simulated.position).mean;
+        }
+        if (!code && failure && !r->judge &&
+            (simulated.diverged || leaves_range(trial, r, simulated.position))) {
+            snprintf(failure, 256, "%.160s: found a fit whose simulation %s", r->file,
+                     simulated.diverged ? "diverges" : "leaves the joint's range");
         }
         if (position) {
-            position[i] = simulated;
+            position[i] = simulated.position;
         }
     }
     return code;
+}
+
+/* Returns the mean error of the recordings that a fit uses. */
+static double mean_used(const struct identify_bench *bench, const double *error)
+{
+    double used[IDENTIFY_RECORDINGS_MAX];
+
+    for (size_t i = 0; i < bench->nrecording; i++) {
+        used[i] = bench->recording[i].judge ? -1.0 : error[i];
+    }
+    return identify_mean(used, bench->nrecording);
 }
 
 /* Returns whether two recordings belong to one group for cross-validation. */
@@ -258,7 +300,7 @@ static enum error_code run_fold(const struct identify_bench *bench,
     }
     fold.use = use;
     code = fit_solve(&fold, &fit, error);
-    code = code ? code : judge_all(bench, &fit.trial, arena, all, NULL, error);
+    code = code ? code : judge_all(bench, &fit.trial, arena, all, NULL, NULL, error);
     for (size_t i = 0; i < bench->nrecording && !code; i++) {
         if (!bench->recording[i].judge && same_group(bench->recording, i, left_out)) {
             result->crossed[i] = all[i];
@@ -293,15 +335,24 @@ enum error_code identify_run(const struct identify_bench *bench, struct fit_prob
 
     /* Fit, then compute the errors of all recordings with the start values and with the fit */
     problem->use = use;
-    code = judge_all(bench, &bench->trial, arena, result->start, NULL, error);
+    code = judge_all(bench, &bench->trial, arena, result->start, NULL, NULL, error);
     code = code ? code : fit_solve(problem, &result->fit, error);
-    code =
-        code ? code
-             : judge_all(bench, &result->fit.trial, arena, result->fitted, result->position, error);
+    code = code ? code
+                : judge_all(bench, &result->fit.trial, arena, result->fitted, result->position,
+                            result->failure, error);
+
+    if (!code && !result->failure[0] &&
+        mean_used(bench, result->fitted) > WORSE * mean_used(bench, result->start)) {
+        snprintf(
+            result->failure, sizeof result->failure,
+            "found a fit with a mean error of %.4g rad, more than %.4g rad of the start values",
+            mean_used(bench, result->fitted), mean_used(bench, result->start));
+    }
 
     /* Cross-validate: one fold per group */
-    for (size_t i = 0; i < bench->nrecording && crossed && !code; i++) {
-        if (use[i] && result->crossed[i] < 0.0) {
+    for (size_t i = 0; i < bench->nrecording && crossed && !code && !result->failure[0]; i++) {
+        if (use[i] && !(problem->interrupted && *problem->interrupted) &&
+            result->crossed[i] < 0.0) {
             code = run_fold(bench, problem, i, arena, result, error);
         }
     }
@@ -356,7 +407,7 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
     }
     code = code ? code
                 : judge_all(bench, &bench->trial, arena, validation->error, validation->position,
-                            error);
+                            NULL, error);
     if (code) {
         return code;
     }

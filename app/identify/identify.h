@@ -14,6 +14,7 @@
 #include "model/robot.h"
 #include "rig/rig.h"
 
+#include <signal.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdio.h>
@@ -92,10 +93,12 @@ struct bench_columns {
     const char *time, *position; /* s; joint angle, rad */
     const char *goal, *voltage;  /* set point, rad; voltage at the terminals, V */
     const char *torque;    /* torque of the motor on the gear, set point of its current loop, N m */
+    const char *current;   /* measured current of the motor, A */
     const char *enabled;   /* state of the bridge: on above 0.5 */
     const char *supply;    /* V; the mean is the voltage for a duty of 1 */
     const char *gain_word; /* the number after this word in the file's comments is the gain */
     bool voltage_before;   /* a row's voltage was on before its time, as in "run --record" */
+    bool current_is_optional; /* a recording may lack the column of the current */
 };
 
 /* duty = duty_per_rad gain (goal - position), clipped to duty_max; voltage = duty supply. */
@@ -177,6 +180,7 @@ struct recording {
     bool judge;
     size_t count; /* number of rows, at least 2, in order of time */
     double *time, *position, *goal, *voltage;
+    double *current; /* A; NULL = not measured */
     bool *enabled;
     double gain, supply; /* supply 0 = as in the rig */
     bool voltage_before;
@@ -197,8 +201,8 @@ enum error_code recording_read(const struct bench *bench, const char *path, cons
                                struct error *error);
 
 /* Allocates the rows of a recording, whose file must be set. ERROR_MEMORY. */
-enum error_code recording_alloc(struct recording *r, size_t count, struct arena *arena,
-                                struct error *error);
+enum error_code recording_alloc(struct recording *r, size_t count, bool has_current,
+                                struct arena *arena, struct error *error);
 
 /* ---- recordings that are logs of candump (log.c) ---- */
 
@@ -241,25 +245,32 @@ struct fit_problem {
     int steps; /* largest number of iterations */
     void (*progress)(void *context, int step, double rms_rad);
     void *context;
+    const volatile sig_atomic_t *interrupted; /* nonzero ends the fit early; NULL = never */
 };
 
 /* Uncertainty of a parameter after a fit. */
 enum fit_verdict {
-    FIT_KNOWN, /* 2 sigma is below FIT_KNOWN_SHARE of the value */
-    FIT_ROUGH, /* 2 sigma is larger */
-    FIT_BOUND, /* at a bound: the optimum lies beyond it, or the data do not determine the value */
+    FIT_KNOWN,  /* 2 sigma is below FIT_KNOWN_SHARE of the value */
+    FIT_ROUGH,  /* 2 sigma is larger */
+    FIT_PAIRED, /* as FIT_KNOWN, but the data determine only its combination with another one */
+    FIT_BOUND,  /* at a bound: the optimum lies beyond it, or the data do not determine the value */
     FIT_NOT_TOLD, /* 2 sigma is at least the value, or half of the range between the bounds */
+    FIT_INTERIM,  /* the fit was interrupted */
 };
 extern const struct word fit_verdict_words[];
 
 #define FIT_KNOWN_SHARE 0.05
 
+/* Largest correlation with another parameter at which a parameter can be known. */
+#define FIT_CORRELATED 0.95
+
 struct fit_result {
     double value[IDENTIFY_FREE_MAX];
-    double sigma[IDENTIFY_FREE_MAX]; /* corrected for the residuals' autocorrelation */
+    double sigma[IDENTIFY_FREE_MAX]; /* see find_covariance; NAN after an interrupt */
     double correlation[IDENTIFY_FREE_MAX][IDENTIFY_FREE_MAX];
     enum fit_verdict verdict[IDENTIFY_FREE_MAX];
     double rms_rad;   /* of the recordings in the fit */
+    double rms_a;     /* of their currents; 0 = none is measured */
     double coherence; /* rows that count as one independent measurement */
     int simulations;
     struct trial_robot trial; /* has the fitted values */
@@ -270,17 +281,28 @@ struct fit_result {
 enum error_code fit_prepare(const struct bench *bench, const char *const *key, size_t nkey,
                             struct fit_problem *problem, struct error *error);
 
+/* Solves a problem. After an interrupt the result has the best values so far. */
 enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *result,
                           struct error *error);
 
+/* Returns the index of the parameter whose correlation with parameter i is largest and above
+ * FIT_CORRELATED, or -1. count: number of free parameters. */
+int fit_partner(const struct fit_result *result, size_t count, size_t i);
+
 /* ---- simulations of recordings (simulate.c), which may run in several threads at once ---- */
 
-/* Simulates a recording from rest at its first position, with the parameters of a trial. position
- * receives the joint's angle at each time of the recording, rad, with the recording's zero. After a
- * divergence it repeats the last position. */
+/* Values at each time of a recording. After a divergence they repeat the last ones. */
+struct simulated {
+    double *position; /* joint's angle with the recording's zero, rad */
+    double *current;  /* of the motor, A; NULL = not wanted */
+    bool diverged;
+};
+
+/* Simulates a recording from rest at its first position, with the parameters of a trial. The caller
+ * provides the arrays of out. */
 enum error_code simulate_recording(const struct rig *rig, const struct trial_robot *trial,
                                    const struct bench_law *law, const struct recording *recording,
-                                   double *position, struct error *error);
+                                   struct simulated *out, struct error *error);
 
 /* Errors of a simulated recording, rad. */
 struct simulation_error {
@@ -311,6 +333,7 @@ struct identify_result {
     double *position[IDENTIFY_RECORDINGS_MAX]; /* angles simulated with the fit, rad */
     size_t nfold;
     double spent_s;
+    char failure[256]; /* why the fit is of no use; "" = it is of use */
 };
 
 /* Reads a bench, its rig and its recordings. */

@@ -22,7 +22,8 @@ struct log_source {
     const struct rig *rig;
     struct dbc **dbc; /* one per bus */
     struct log_signal position, deflection, command;
-    double command_scale; /* factor from the command to V or N m */
+    struct log_signal current; /* in the message of the position, else none */
+    double command_scale;      /* factor from the command to V or N m */
     bool is_torque;
     bool reported; /* the command is the state of the bridge that a board reports */
 };
@@ -113,6 +114,17 @@ static bool find_angle(struct log_source *source, const char *joint, const char 
     return false;
 }
 
+/* Finds the signal of the motor's current that comes with each angle. */
+static void find_log_current(struct log_source *source, const char *joint, const char *name)
+{
+    const struct log_wanted wanted = {.name = name, .word = "current", .joint = joint, .unit = "A"};
+
+    if (!find_log_signal(source, &wanted, &source->current) ||
+        source->current.message != source->position.message) {
+        source->current.signal = NULL;
+    }
+}
+
 /* Finds the signal of the host's command: a voltage, a percentage of the supply, or a torque.
  * Without one, finds the state of the bridge that the board reports. */
 static bool find_log_command(struct log_source *source, const char *joint, const char *name,
@@ -168,6 +180,7 @@ static enum error_code open_source(const struct rig *rig, const char *joint,
                          "\"position\" of a bench (coman-hil dbc has the names)",
                          joint);
     }
+    find_log_current(source, joint, columns->current_is_optional ? NULL : columns->current);
     if (!find_log_command(source, joint, columns->voltage ? columns->voltage : columns->torque,
                           columns->torque != NULL)) {
         return error_set(error, ERROR_INPUT,
@@ -260,6 +273,10 @@ static enum error_code read_frames(const struct log_source *source, const char *
             r->voltage[*count] =
                 *count > 0 ? command.sum / (double)(frame.time_ns - last) : command.value;
             r->enabled[*count] = true;
+            if (r->current) {
+                r->current[*count] = 0.0;
+                read_signal(source, &source->current, bus, &frame, &r->current[*count]);
+            }
         }
         command.sum = 0.0;
         last = frame.time_ns;
@@ -290,7 +307,7 @@ enum error_code recording_read_log(const struct rig *rig, const char *joint,
                          path, count, joint, source.position.signal->name,
                          source.command.signal->name);
     }
-    if (code || (code = recording_alloc(r, count, arena, error))) {
+    if (code || (code = recording_alloc(r, count, source.current.signal != NULL, arena, error))) {
         return code;
     }
     r->count = count;

@@ -72,7 +72,7 @@ static enum error_code make_plant(const struct rig *rig, const struct trial_robo
 }
 
 /* Index in the plant's state, after the joint's angle and rate. */
-enum { STATE_MOTOR_SPEED = 2 + DRIVE_MOTOR_SPEED };
+enum { STATE_MOTOR_SPEED = 2 + DRIVE_MOTOR_SPEED, STATE_CURRENT = 2 + DRIVE_CURRENT };
 
 /* Sets the command from a time on. row is the last row at that time; position has the recording's
  * zero. */
@@ -112,17 +112,18 @@ static double start_position(const struct recording *r)
 /* Simulates the recording. */
 static void run_plant(const struct rig *rig, const struct trial_robot *trial,
                       const struct bench_law *law, const struct recording *r, struct plant *plant,
-                      double *position)
+                      struct simulated *out)
 {
     const double tick = (double)rig->tick_ns * 1e-9,
                  supply = r->supply > 0.0 ? r->supply : rig->supply_v;
     const struct robot_sea *sea = &trial->joint.sea;
     struct motor_command *command = plant_command(plant)->motor;
-    double *state, before, after;
+    double *state, before, after, current[2];
     size_t length, row = 0, next = 0;
 
     state = plant_state(plant, &length);
     before = after = state[0] - trial->bench.offset_rad;
+    current[0] = current[1] = state[STATE_CURRENT];
     for (size_t k = 0; next < r->count; k++) {
         const double now = r->time[0] + (double)k * tick;
 
@@ -132,18 +133,27 @@ static void run_plant(const struct rig *rig, const struct trial_robot *trial,
         }
         set_command(law, sea, state, r, row, after, supply, command);
         before = after;
-        if (!plant_step(plant, rig->substeps) && isfinite(state[0])) {
+        current[0] = current[1];
+        if (!out->diverged && !plant_step(plant, rig->substeps) && isfinite(state[0])) {
             after = state[0] - trial->bench.offset_rad;
+            current[1] = state[STATE_CURRENT];
+        } else {
+            out->diverged = true;
         }
         for (; next < r->count && r->time[next] <= now + tick; next++) {
-            position[next] = before + (after - before) * (r->time[next] - now) / tick;
+            const double share = (r->time[next] - now) / tick;
+
+            out->position[next] = before + (after - before) * share;
+            if (out->current) {
+                out->current[next] = current[0] + (current[1] - current[0]) * share;
+            }
         }
     }
 }
 
 enum error_code simulate_recording(const struct rig *rig, const struct trial_robot *given,
                                    const struct bench_law *law, const struct recording *recording,
-                                   double *position, struct error *error)
+                                   struct simulated *out, struct error *error)
 {
     struct trial_robot trial = *given;
     struct dynamics dynamics;
@@ -154,11 +164,12 @@ enum error_code simulate_recording(const struct rig *rig, const struct trial_rob
     if (code) {
         return code;
     }
+    out->diverged = false;
     settle_trial(&trial);
     code = make_plant(rig, &trial, start_position(recording) + trial.bench.offset_rad, &dynamics,
                       &arena, &plant, error);
     if (!code) {
-        run_plant(rig, &trial, law, recording, plant, position);
+        run_plant(rig, &trial, law, recording, plant, out);
     }
     arena_fini(&arena);
     return code;
