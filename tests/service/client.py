@@ -1,8 +1,9 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: Apache-2.0
-"""The client for controllers as its users have it: installed and copied, examples in C and C++ that
-are built with it and run twice against simulators of each protocol, the same frames each time, and
-the same state as the Python package makes with the same controller. Prints TAP.
+"""The client for controllers as its users have it: installed and copied, examples in C and in C++
+for ROS 2 that are built with it and run twice against simulators of each protocol, the same frames
+each time, and the same state as the Python package makes with the same controller. ROS 2 is not
+installed here: the hardware interface is compiled against stand-in headers. Prints TAP.
 
 client.py CMAKE PROGRAM"""
 import json
@@ -15,6 +16,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import xml.etree.ElementTree as xml
 
 from ready import wait_until_ready
 from tap import result
@@ -31,6 +33,7 @@ RIGS = ("coman", "coman-foc", "coman-compact", "coman-fd")
 BENCH = {"robot": {"fixed_base": True}, "scene": {"engine": "none"}, "initial": {"hold": "none"}}
 JOINTS = ["LElbj", "RElbj"]
 WARNINGS = "-std=c11 -Wall -Wextra -Wpedantic -Werror"
+ROS2 = SOURCE / "examples" / "ros2_control"
 
 
 def run(*command, **keys):
@@ -44,9 +47,9 @@ def run(*command, **keys):
 
 
 class Simulator:
-    """A run of a rig in lockstep, with its tables. changes: keys of the rig."""
+    """A run of a rig, in lockstep or as clock says, with its tables. changes: keys of the rig."""
 
-    def __init__(self, rig, *options, changes=None):
+    def __init__(self, rig, *options, changes=None, clock="lockstep"):
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix=rig, dir=WORK))
         self.tables = self.folder / "tables"
         self.tables.mkdir()
@@ -58,7 +61,7 @@ class Simulator:
         self.log = open(self.folder / "log", "w+")
         self.process = subprocess.Popen(
             [PROGRAM, "run", file, "--transport", "local", "--gateway", "0", "--quiet",
-             "--ready", self.ready, "--control", self.control, "--clock", "lockstep", *options],
+             "--ready", self.ready, "--control", self.control, "--clock", clock, *options],
             cwd=self.folder, stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log)
 
     def wait(self):
@@ -96,10 +99,77 @@ def build():
         shutil.copy(SOURCE / "client" / name, copy)
     run("make", "-C", c, env=environment)
     run("make", "-C", copied, f"COPY={copy}", f"CFLAGS=-O2 {WARNINGS}")
-    run(CMAKE, "-S", SOURCE / "examples" / "controller-cpp", "-B", WORK / "cpp",
-        f"-DCMAKE_PREFIX_PATH={PREFIX}", "-DCMAKE_CXX_FLAGS=-Wpedantic -Werror")
-    run(CMAKE, "--build", WORK / "cpp")
-    return {"installed": c / "elbow", "copied": copied / "elbow", "C++": WORK / "cpp/controller"}
+    return {"installed": c / "elbow", "copied": copied / "elbow", "ROS 2": build_ros2()}
+
+
+def build_ros2():
+    """Builds the hardware interface and a stand-in for its manager; returns the program."""
+    folder = WORK / "ros2"
+    sources = [*(ROS2 / "src").glob("*.cpp"), *(ROS2 / "include").rglob("*.hpp")]
+    for name in re.findall(r"^#include [<\"](\w+/[\w/]+\.hpp)", "".join(
+            path.read_text() for path in sources), re.M):
+        if not (ROS2 / "include" / name).exists():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_text('#include "ros2_stand_in.hpp"\n')
+    (folder / "CMakeLists.txt").write_text(f"""cmake_minimum_required(VERSION 3.16)
+project(manager LANGUAGES CXX)
+find_package(coman-hil-client REQUIRED)
+add_executable(manager {ROS2}/src/system.cpp {SOURCE}/tests/service/ros2_manager.cpp)
+target_compile_features(manager PRIVATE cxx_std_17)
+target_compile_options(manager PRIVATE -Wall -Wextra -Wpedantic -Werror)
+target_include_directories(manager PRIVATE {folder} {ROS2}/include {SOURCE}/tests/service)
+target_link_libraries(manager PRIVATE coman-hil::client)
+""")
+    run(CMAKE, "-S", folder, "-B", folder / "build", f"-DCMAKE_PREFIX_PATH={PREFIX}")
+    run(CMAKE, "--build", folder / "build")
+    return folder / "build" / "manager"
+
+
+def test_ros2_files(manager):
+    """The files of the package name one another."""
+    package = xml.parse(ROS2 / "package.xml").getroot()
+    plugin = xml.parse(ROS2 / "coman_hil_ros2.xml").getroot().find("class")
+    urdf = xml.parse(ROS2 / "urdf" / "left_arm.urdf").getroot()
+    tag = urdf.find("ros2_control")
+    cmake = (ROS2 / "CMakeLists.txt").read_text()
+    source = (ROS2 / "src" / "system.cpp").read_text()
+    names = [package.findtext("name"), re.search(r"^project\((\w+)", cmake, re.M)[1],
+             plugin.get("name").split("/")[0], plugin.get("type").split("::")[0]]
+    result(len(set(names)) == 1 and tag.findtext("hardware/plugin") == plugin.get("name")
+           and f"PLUGINLIB_EXPORT_CLASS({plugin.get('type')}, {plugin.get('base_class_type')})"
+           in source, "package, plug-in and tag have the names of the class", names)
+    missing = {depend.text for depend in package.findall("depend")} \
+        ^ (set(re.findall(r"find_package\((\w+)", cmake)) - {"ament_cmake", "coman"})
+    result(not missing, "package.xml has the packages that CMake looks for", missing)
+    commands = [joint.get("name") for joint in tag.findall("joint")
+                if joint.find("command_interface") is not None]
+    wanted = {f"{joint.get('name')}/{interface.get('name')}" for joint in tag.findall("joint")
+              for interface in joint if interface.tag.endswith("_interface")}
+    exported = set(run(manager, "--interfaces", "tables", "ready", *(
+        joint.get("name") for joint in tag.findall("joint"))).split())
+    result(wanted <= exported, "the hardware exports the interfaces of the tag", wanted - exported)
+    moved = re.search(r"joints: \[(.*)\]", (ROS2 / "config" / "controllers.yaml").read_text())[1]
+    axes = {joint.get("name") for joint in urdf.findall("joint")}
+    result(moved.split(", ") == commands and set(commands) <= axes,
+           "the controllers command joints that have a command interface", f"{moved}, {commands}")
+    launch = ROS2 / "launch" / "left_arm.launch.py"
+    compile(launch.read_text(), launch, "exec")
+    tokens = set(re.findall(r"@(\w+)@", (ROS2 / "urdf" / "left_arm.urdf").read_text()))
+    result(tokens == {param.get("name") for param in tag.findall("hardware/param")} and
+           all(f'"{token}":' in launch.read_text() for token in tokens),
+           "the launch file fills in all parameters of the tag", tokens)
+
+
+def test_ros2_real_time(manager):
+    with Simulator("coman-compact", clock="real") as simulator:
+        simulator.wait()
+        text = run(manager, "--real-time", simulator.tables, simulator.ready, *JOINTS)
+        result(float(re.search(r"([\d.]+) rad at most", text)[1]) > 0.05,
+               "the hardware interface moves joints in real time", text)
+    with Simulator("coman-compact", "--fault", "motor LElbj jam 0.1..") as simulator:
+        simulator.wait()
+        text = refused(manager, simulator.tables, simulator.ready, "LElbj")
+        result(text.startswith("joint LElbj has tripped"), "it reports a trip", text)
 
 
 def drive_in_python(rig):
@@ -142,9 +212,9 @@ def test_rig(rig, programs):
            f"{rig}: {len(frames)} frames of the controller in C are the same again",
            runs["installed"][:2] + runs["copied"][:2])
     result(state == drive_in_python(rig), f"{rig}: so is the state of that in Python")
-    again = drive(programs["C++"], rig)
-    result(again == runs["C++"] and "2.000 s" in again[0],
-           f"{rig}: {len(again[2])} frames of the controller in C++ are the same again", again[0])
+    again = drive(programs["ROS 2"], rig)
+    result(again == runs["ROS 2"] and "2.000 s" in again[0],
+           f"{rig}: {len(again[2])} frames of the hardware for ROS 2 are the same again", again[0])
 
 
 def refused(program, *arguments):
@@ -219,6 +289,8 @@ def main():
         result(True, "the examples are built with what is installed, and with two copied files")
         for rig in RIGS:
             test_rig(rig, programs)
+        test_ros2_files(programs["ROS 2"])
+        test_ros2_real_time(programs["ROS 2"])
         test_tables(programs["copied"])
         test_refusals(programs["copied"])
     except (AssertionError, subprocess.TimeoutExpired) as error:

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// A robot behind CAN boards as hardware of ros2_control: libcoman-hil-client encodes commands and
+// decodes telemetry by the DBC files of the rig. Parameters of the URDF tag, all texts:
+//
+//     tables        folder of the DBC files from `coman-hil dbc RIG -o FOLDER`; required
+//     rig           name of the rig, if the folder has files of several rigs
+//     ready         file of `coman-hil run --ready FILE`: the gateway of that run
+//     host, port    or a gateway by its address
+//                   without ready and port: SocketCAN, on the interfaces of the rig
+//     period_ticks  ticks of virtual time that an update lasts in lockstep; 0, the default: real time
+//
+// Command interfaces of a joint: "voltage" (V), "current" (A) or "position" (rad), one for each
+// joint. State interfaces: "position" (rad), "velocity" (rad/s), "effort" (N m).
+#pragma once
+
+#include <coman_hil_client.h>
+
+#include <hardware_interface/handle.hpp>
+#include <hardware_interface/hardware_info.hpp>
+#include <hardware_interface/system_interface.hpp>
+#include <hardware_interface/types/hardware_interface_return_values.hpp>
+#include <rclcpp/duration.hpp>
+#include <rclcpp/time.hpp>
+#include <rclcpp_lifecycle/state.hpp>
+
+#include <string>
+#include <vector>
+
+namespace coman_hil_ros2
+{
+
+class System : public hardware_interface::SystemInterface
+{
+  public:
+    ~System() override;
+
+    hardware_interface::CallbackReturn
+    on_init(const hardware_interface::HardwareInfo &info) override;
+    // Reads the tables and connects.
+    hardware_interface::CallbackReturn
+    on_configure(const rclcpp_lifecycle::State &previous) override;
+    hardware_interface::CallbackReturn on_cleanup(const rclcpp_lifecycle::State &previous) override;
+    // Clears faults and switches the motors on.
+    hardware_interface::CallbackReturn
+    on_activate(const rclcpp_lifecycle::State &previous) override;
+    // Switches the motors off.
+    hardware_interface::CallbackReturn
+    on_deactivate(const rclcpp_lifecycle::State &previous) override;
+    hardware_interface::CallbackReturn on_error(const rclcpp_lifecycle::State &previous) override;
+
+    std::vector<hardware_interface::StateInterface> export_state_interfaces() override;
+    std::vector<hardware_interface::CommandInterface> export_command_interfaces() override;
+
+    // The last telemetry. ERROR when a board has tripped or the run is over.
+    hardware_interface::return_type read(const rclcpp::Time &time,
+                                         const rclcpp::Duration &period) override;
+    // Sends the commands; in lockstep it also lets period_ticks pass.
+    hardware_interface::return_type write(const rclcpp::Time &time,
+                                          const rclcpp::Duration &period) override;
+
+  private:
+    struct Joint {
+        std::string name;
+        std::string command_name; // of its command interface
+        hil_client_quantity quantity = HIL_CLIENT_OFF;
+        int number = -1; // the client's
+        double position = 0.0, velocity = 0.0, effort = 0.0, command = 0.0;
+    };
+
+    bool succeeded(hil_client_code code); // logs the client's message otherwise
+    std::string parameter(const std::string &name) const;
+    bool read_joints(double period_s);
+
+    std::vector<Joint> joints_;
+    int period_ticks_ = 0;
+    hil_client client_{};
+};
+
+} // namespace coman_hil_ros2
