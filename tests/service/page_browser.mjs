@@ -8,7 +8,7 @@ import { begin, check, test, variance, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const source = process.env.HIL_SOURCE_DIR;
-const TESTS = 15;
+const TESTS = 19;
 const PATIENCE_MS = 3 * WAIT_MS; // the processor draws, and simulates in real time
 
 /** A rig whose squat outlasts the slowest browser. */
@@ -116,6 +116,36 @@ async function judge(browser, work) {
   await page.press('#signal-search', 'Enter');
   await wait(() => document.querySelector('.chip b')?.textContent && document.querySelector('.plots canvas'));
   check(true, 'a signal is found and plotted');
+
+  // A newcomer: a card with three things to try, each of which works, and which stays closed. The run is
+  // paused, so that no tick is late now, whatever was before.
+  await page.click('#pause');
+  await wait(() => window.coman.state.paused);
+  const fresh = await browser.newPage({ viewport: { width: 1280, height: 800 }, colorScheme: 'light', newcomer: true });
+  fresh.on('pageerror', (error) => errors.push(error.message));
+  await fresh.goto(`${run.page}&quality=low`);
+  await fresh.waitForSelector('#welcome:not([hidden])');
+  await fresh.waitForFunction(() => window.coman.page.scene?.firstDrawn > 0);
+  if (folder) await fresh.screenshot({ path: join(folder, 'welcome.png') });
+  const card = await fresh.textContent('#welcome');
+  const late = await fresh.evaluate(() => document.getElementById('figure-overruns').classList.contains('late'));
+  check(/COMAN.*task squat.*5 CAN buses.*\d+ boards/.test(card) && !late, 'the first picture says what it shows, and no alarm', card);
+  await fresh.click('#welcome li:nth-child(1) button');
+  await fresh.click('#welcome li:nth-child(2) button');
+  await fresh.click('#welcome li:nth-child(3) button');
+  const tried = await fresh.evaluate(() => ({ drag: window.coman.page.drag.mode,
+    plots: document.querySelector('.plots').textContent.includes('q_RKneeSag_rad'),
+    act: !document.getElementById('panel-actions').hidden }));
+  check(tried.drag && tried.plots && tried.act, 'the three things to try work', tried);
+  await fresh.click('#welcome button.main');
+  await fresh.reload();
+  await fresh.waitForFunction(() => window.coman?.page.pause);
+  check(await fresh.isHidden('#welcome'), 'the card stays closed');
+  await fresh.click('[aria-label=keys]');
+  await fresh.click('.help button.plain');
+  check(await fresh.isVisible('#welcome'), 'and opens from the list of keys');
+  await fresh.close();
+  await page.click('#pause');
 
   // Who may look
   const look = await browser.newPage({ viewport: { width: 400, height: 700 } });

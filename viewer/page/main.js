@@ -17,9 +17,11 @@ import { Scene } from './scene.js';
 import { feedStore } from './series_feed.js';
 import style from './style.css';
 import { Trace } from './trace.js';
+import { Welcome } from './welcome.js';
 
 const TABLES_MS = 120;
 const PACE_S = 0.5; // period over which the pace is measured
+const LATE_MS = 10000; // how long an overrun is shown in color
 const KEYS = [['Space', 'pause, go on'], ['.', 'one tick'], [',', 'ten ticks'], ['L', 'live again'],
   ['1 … 6', 'panels'],
   ['J', 'sliders of the task pose'], ['B', 'drag bodies, or turn the camera'], ['Ctrl drag', 'pushes a body']];
@@ -250,13 +252,36 @@ function makeHelp(hello) {
   const keys = [...(hello.run.replay ? REPLAY_KEYS : KEYS), ...ALL_KEYS];
   page.help = h('dialog', { class: 'help' }, h('h2', {}, 'Keys'), h('dl', {}, keys.map(([key, text]) =>
     [h('dt', { class: 'mono' }, key), h('dd', {}, text)])),
-  h('form', { method: 'dialog' }, h('button', { class: 'main' }, 'Close')));
+  h('form', { method: 'dialog' }, h('button', { class: 'main' }, 'Close'),
+    h('button', { class: 'plain', onclick: () => page.welcome.open() }, 'What am I looking at?')));
   return page.help;
+}
+
+function plotJoint(name) {
+  // a cylinder has pressures too; the plot ignores signals that do not exist
+  page.plots.add(`q_${name}_rad`, `torque_${name}_nm`,
+    `piston_pressure_${name}_pa`, `rod_pressure_${name}_pa`);
+  page.bottom.open(0);
+}
+
+/** Returns what a newcomer may try: what this page has the right to do. */
+function makeTries(hello) {
+  const { joints } = hello.scene;
+  const joint = (joints.find(({ name }) => /Knee|Elb|kfe/i.test(name)) ?? joints[0])?.name;
+  const plot = ['A click on a row of Joints plots its angle and torque.', joint && `Plot ${joint}`, () => plotJoint(joint)];
+  const turn = ['Drag the picture to turn the camera; the wheel zooms.', null];
+  const back = ['Drag the line below the picture to an earlier moment. Live returns.', null];
+  if (hello.run.replay) return [['Play the recording.', 'Play', () => page.pause.click()], back, plot];
+  if (hello.right !== 'control') return [turn, plot, back];
+  return [['Push the robot: hold Ctrl and drag a part of it, or', 'drag without Ctrl', () => page.dragMode.click()], plot,
+    ['Make something fail: the panel Act has pushes, faults and checkpoints.', 'Open Act',
+      () => page.side.open(page.panels.findIndex(([name]) => name === 'Act'))]];
 }
 
 function build(hello) {
   document.title = `${hello.run.rig} · coman-hil`;
   page.hello = hello;
+  page.late = { count: Infinity, at: -Infinity }; // the overruns of before are no news
   page.past = hello.run.replay ? new Playback(link, hello.run.replay, () => page.trace.reset()) : new Past(() => {
     const state = page.past.shown ?? newest;
     if (state) page.scene.update(state);
@@ -269,12 +294,7 @@ function build(hello) {
   page.ending = new Ending(link, complain);
   page.events = new Events(link, page.past);
   page.trace = new Trace(link, hello, complain);
-  page.joints = new Joints(hello, (name) => {
-    // a cylinder has pressures too; the plot ignores signals that do not exist
-    page.plots.add(`q_${name}_rad`, `torque_${name}_nm`,
-      `piston_pressure_${name}_pa`, `rod_pressure_${name}_pa`);
-    page.bottom.open(0);
-  });
+  page.joints = new Joints(hello, plotJoint);
   page.buses = new Buses(hello);
   page.panels = [['Joints', page.joints], ['Buses', page.buses]];
   if (hello.run.replay) {
@@ -291,7 +311,8 @@ function build(hello) {
   }
   page.side = makeTabs('side', page.panels, hello.run.task === 'pose' ? page.panels.length - 1 : 0);
   page.bottom = makeTabs('bottom', [['Plots', page.plots], ['Frames', page.trace], ['Events', page.events]], 0);
-  view.append(page.ending.element);
+  page.welcome = new Welcome(hello, makeTries(hello));
+  view.append(page.welcome.element, page.ending.element);
   page.root.replaceChildren(makeBar(hello), view, page.side.element, page.bottom.element, makeHelp(hello));
   setTheme(firstTheme());
 }
@@ -444,7 +465,9 @@ function renderLoad(state) {
   setText(page.figures.factor, page.over ? '–' : `×${fixed(state.paused ? 0 : pace.factor, 2)}`);
   setText(page.figures.tick, `${fixed(state.workMean, 0)} / ${fixed(state.work99, 0)} / ${fixed(state.workMax, 0)} us`);
   setText(page.figures.overruns, state.lost ? `${count(state.overruns)}, ${count(state.lost)} skipped` : count(state.overruns));
-  setClass(page.figures.overruns, 'late', state.overruns > 0);
+  if (state.overruns > page.late.count) page.late.at = Date.now();
+  page.late.count = state.overruns;
+  setClass(page.figures.overruns, 'late', Date.now() - page.late.at < LATE_MS);
   page.budget.style.width = `${fixed(100 * part, 1)}%`;
   page.budget.className = part > 0.8 ? 'hot' : part > 0.5 ? 'warm' : '';
 }
