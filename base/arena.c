@@ -32,16 +32,6 @@ static size_t arena_poison_end(const struct arena *arena)
     return arena->capacity - arena->used < POISONED ? arena->capacity : arena->used + POISONED;
 }
 
-static void arena_poison_rest(const struct arena *arena)
-{
-    ASAN_POISON_MEMORY_REGION(arena->memory + arena->used, arena_poison_end(arena) - arena->used);
-}
-
-static void arena_unpoison_all(const struct arena *arena)
-{
-    ASAN_UNPOISON_MEMORY_REGION(arena->memory, arena_poison_end(arena));
-}
-
 enum error_code arena_init(struct arena *arena, size_t capacity, struct error *error)
 {
     void *memory = mmap(NULL, capacity, PROT_READ | PROT_WRITE,
@@ -62,23 +52,10 @@ enum error_code arena_init(struct arena *arena, size_t capacity, struct error *e
 void arena_fini(struct arena *arena)
 {
     if (arena->memory) {
-        arena_unpoison_all(arena);
+        ASAN_UNPOISON_MEMORY_REGION(arena->memory, arena_poison_end(arena));
         munmap(arena->memory, arena->capacity);
     }
     memset(arena, 0, sizeof *arena);
-}
-
-/* Maps the next pages with one call, instead of one page fault for each page. A large allocation is
- * not mapped in advance, because the program may never use it. Kernels before 5.14 refuse the call,
- * which is harmless. */
-static void arena_prepare_pages(const struct arena *arena, size_t used_before, size_t bytes)
-{
-    size_t from = (used_before + PRESENT - 1) / PRESENT * PRESENT;
-    size_t to = (arena->used + PRESENT - 1) / PRESENT * PRESENT;
-
-    if (from < to && to <= arena->capacity && bytes <= PRESENT) {
-        madvise(arena->memory + from, to - from, MADV_POPULATE_WRITE);
-    }
 }
 
 void *arena_alloc(struct arena *arena, size_t count, size_t size)
@@ -90,9 +67,17 @@ void *arena_alloc(struct arena *arena, size_t count, size_t size)
         return NULL;
     }
     arena->used = start + bytes;
-    arena_prepare_pages(arena, before, bytes);
+    /* Map the next pages with one call, instead of one page fault for each page. A large
+     * allocation is not mapped in advance, because the program may never use it. Kernels before
+     * 5.14 refuse the call, which is harmless. */
+    size_t from = (before + PRESENT - 1) / PRESENT * PRESENT;
+    size_t to = (arena->used + PRESENT - 1) / PRESENT * PRESENT;
+
+    if (from < to && to <= arena->capacity && bytes <= PRESENT) {
+        madvise(arena->memory + from, to - from, MADV_POPULATE_WRITE);
+    }
     ASAN_UNPOISON_MEMORY_REGION(arena->memory + start, bytes);
-    arena_poison_rest(arena);
+    ASAN_POISON_MEMORY_REGION(arena->memory + arena->used, arena_poison_end(arena) - arena->used);
     return arena->memory + start;
 }
 

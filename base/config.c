@@ -286,23 +286,6 @@ static enum error_code config_add_entry(const char *folder, const char *file, st
     return ERROR_NONE;
 }
 
-/* Adds all names of a folder. A missing folder counts as empty. */
-static enum error_code config_add_folder(const char *folder, struct arena *arena,
-                                         struct config_entry *entries, size_t *count)
-{
-    enum error_code code = ERROR_NONE;
-    DIR *directory = opendir(folder);
-    struct dirent *file;
-
-    while (directory && !code && *count < ENTRIES_MAX && (file = readdir(directory))) {
-        code = config_add_entry(folder, file->d_name, arena, entries, count);
-    }
-    if (directory) {
-        closedir(directory);
-    }
-    return code;
-}
-
 static int config_compare_entries(const void *a, const void *b)
 {
     return strcmp(((const struct config_entry *)a)->name, ((const struct config_entry *)b)->name);
@@ -321,7 +304,17 @@ enum error_code config_list_in(enum config_kind kind, const struct config_trees 
     for (int i = 0; i < CONFIG_TREES_MAX && !code; i++) {
         if (trees->folder[i][0]) {
             snprintf(folder, sizeof folder, "%s/%s", trees->folder[i], folders[kind]);
-            code = config_add_folder(folder, arena, list, count);
+            /* Add all names of a folder. A missing folder counts as empty. */
+            DIR *directory = opendir(folder);
+            struct dirent *file;
+
+            code = ERROR_NONE;
+            while (directory && !code && *count < ENTRIES_MAX && (file = readdir(directory))) {
+                code = config_add_entry(folder, file->d_name, arena, list, count);
+            }
+            if (directory) {
+                closedir(directory);
+            }
         }
     }
     if (code) {

@@ -23,18 +23,6 @@ static struct timespec first_read;
 /* for threads that open files at the same time */
 static pthread_mutex_t inputs_lock = PTHREAD_MUTEX_INITIALIZER;
 
-/* Adds a file to the files that this process has read. */
-static void input_remember(const struct stat *status)
-{
-    pthread_mutex_lock(&inputs_lock);
-    if (ninput == 0) {
-        clock_gettime(CLOCK_REALTIME_COARSE, &first_read); /* file systems use this clock */
-    }
-    inputs[ninput % ARRAY_COUNT(inputs)].device = status->st_dev;
-    inputs[ninput++ % ARRAY_COUNT(inputs)].inode = status->st_ino;
-    pthread_mutex_unlock(&inputs_lock);
-}
-
 enum error_code input_file_check_output(const char *path, const struct stat *there,
                                         struct error *error)
 {
@@ -74,7 +62,14 @@ enum error_code input_file_open(const char *path, int *descriptor, size_t *size,
         code = error_set(error, ERROR_INPUT, "%.200s: found %s, expected a file", path,
                          fd >= 0 && S_ISDIR(status.st_mode) ? "a directory" : "no regular file");
     } else {
-        input_remember(&status);
+        /* Add a file to the files that this process has read */
+        pthread_mutex_lock(&inputs_lock);
+        if (ninput == 0) {
+            clock_gettime(CLOCK_REALTIME_COARSE, &first_read); /* file systems use this clock */
+        }
+        inputs[ninput % ARRAY_COUNT(inputs)].device = status.st_dev;
+        inputs[ninput++ % ARRAY_COUNT(inputs)].inode = status.st_ino;
+        pthread_mutex_unlock(&inputs_lock);
     }
     if (code) {
         if (fd >= 0) {

@@ -32,25 +32,6 @@ static const struct option_spec *options_find(const struct command_spec *spec, c
     return NULL;
 }
 
-/* Refuses an unknown option. The error suggests the nearest known option. */
-static enum error_code options_reject_unknown(const struct command_spec *spec, const char *name,
-                                              size_t length, struct error *error)
-{
-    const char *names[MAX_NAMES], *nearest;
-    size_t count = 0;
-    char copy[64];
-
-    names[count++] = "--help";
-    for (size_t i = 0; i < spec->noption && count < MAX_NAMES; i++) {
-        names[count++] = spec->option[i].name;
-    }
-    snprintf(copy, sizeof copy, "%.*s", length < 60 ? (int)length : 60, name);
-    nearest = text_nearest(copy, names, count);
-    return error_set(error, ERROR_INPUT, "found unknown option %s, expected %s%s", copy,
-                     nearest ? nearest : "one that is listed by --help",
-                     nearest ? " or another that is listed by --help" : "");
-}
-
 /* Describes the allowed values of an option: "a number of seconds from 0 to 1000000". */
 static void option_describe_value(const struct option_spec *option, char *out, size_t size)
 {
@@ -124,7 +105,20 @@ static enum error_code options_parse_option(const struct command_spec *spec, int
     uint64_t bit;
 
     if (!option) {
-        return options_reject_unknown(spec, word, length, error);
+        const char *names[MAX_NAMES], *nearest;
+        size_t count = 0;
+        char copy[64];
+
+        /* Refuse an unknown option. The error suggests the nearest known option. */
+        names[count++] = "--help";
+        for (size_t i = 0; i < spec->noption && count < MAX_NAMES; i++) {
+            names[count++] = spec->option[i].name;
+        }
+        snprintf(copy, sizeof copy, "%.*s", length < 60 ? (int)length : 60, word);
+        nearest = text_nearest(copy, names, count);
+        return error_set(error, ERROR_INPUT, "found unknown option %s, expected %s%s", copy,
+                         nearest ? nearest : "one that is listed by --help",
+                         nearest ? " or another that is listed by --help" : "");
     }
 
     /* Only a list may be given more than once */

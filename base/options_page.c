@@ -16,27 +16,6 @@ static void manpage_put_text(const char *text, size_t length, FILE *out)
     }
 }
 
-/* Writes paragraphs. Blank lines separate them. A line that begins with two spaces is a list
- * item. */
-static void manpage_put_manual(const char *text, FILE *out)
-{
-    while (*text) {
-        size_t length = strcspn(text, "\n");
-        bool item = length > 2 && text[0] == ' ' && text[1] == ' ';
-
-        if (length > 0) {
-            fputs(item ? "- " : "\n", out);
-            manpage_put_text(item ? text + 2 : text, item ? length - 2 : length, out);
-            putc('\n', out);
-        }
-        text += length;
-        text += *text == '\n';
-        if (!item && *text == ' ') {
-            putc('\n', out);
-        }
-    }
-}
-
 /* Writes an option or operand with its help. `letter` is its second name; NULL = none. */
 static void manpage_put_term(const char *letter, const char *name, const char *argument,
                              const char *help, FILE *out)
@@ -58,20 +37,6 @@ static void manpage_put_term(const char *letter, const char *name, const char *a
     fputs("\n", out);
 }
 
-/* Writes the usage line. */
-static void manpage_put_synopsis(const struct command_spec *spec, FILE *out)
-{
-    fprintf(out, "\n# SYNOPSIS\n\n*%s %s*%s", spec->program ? spec->program : "coman-hil",
-            spec->name, spec->noption ? " [OPTIONS]" : "");
-    for (size_t i = 0; i < spec->noperand; i++) {
-        const struct operand_spec *operand = &spec->operand[i];
-
-        fprintf(out, operand->required ? " _%s_" : " [_%s_]", operand->name);
-        fputs(spec->many && i + 1 == spec->noperand ? "..." : "", out);
-    }
-    putc('\n', out);
-}
-
 /* Writes the name of the page: "coman-hil-bench-paper". */
 static void manpage_put_name(const struct command_spec *spec, FILE *out)
 {
@@ -86,7 +51,16 @@ void options_page(const struct command_spec *spec, FILE *out)
     fputs(" - ", out);
     manpage_put_text(spec->summary, strlen(spec->summary), out);
     putc('\n', out);
-    manpage_put_synopsis(spec, out);
+    /* Write the usage line */
+    fprintf(out, "\n# SYNOPSIS\n\n*%s %s*%s", spec->program ? spec->program : "coman-hil",
+            spec->name, spec->noption ? " [OPTIONS]" : "");
+    for (size_t i = 0; i < spec->noperand; i++) {
+        const struct operand_spec *operand = &spec->operand[i];
+
+        fprintf(out, operand->required ? " _%s_" : " [_%s_]", operand->name);
+        fputs(spec->many && i + 1 == spec->noperand ? "..." : "", out);
+    }
+    putc('\n', out);
     fputs("\n# OPTIONS\n", out);
     for (size_t i = 0; i < spec->noperand; i++) {
         manpage_put_term(NULL, spec->operand[i].name, NULL, spec->operand[i].help, out);
@@ -99,7 +73,25 @@ void options_page(const struct command_spec *spec, FILE *out)
     manpage_put_term(NULL, "--help", NULL, "print the manual and exit", out);
     if (spec->manual) {
         fputs("\n# DESCRIPTION\n", out);
-        manpage_put_manual(spec->manual, out);
+        /* Write paragraphs. Blank lines separate them. A line that begins with two spaces is a
+         * list item. */
+        const char *text = spec->manual;
+
+        while (*text) {
+            size_t length = strcspn(text, "\n");
+            bool item = length > 2 && text[0] == ' ' && text[1] == ' ';
+
+            if (length > 0) {
+                fputs(item ? "- " : "\n", out);
+                manpage_put_text(item ? text + 2 : text, item ? length - 2 : length, out);
+                putc('\n', out);
+            }
+            text += length;
+            text += *text == '\n';
+            if (!item && *text == ' ') {
+                putc('\n', out);
+            }
+        }
     }
     fputs("\n# SEE ALSO\n\n*coman-hil*(1), *coman-hil-rig*(5), *coman-hil-robot*(5), "
           "*coman-hil-scenario*(5)\n",

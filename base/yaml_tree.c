@@ -91,35 +91,6 @@ enum error_code yaml_unexpected(struct yaml_reader *r, const struct yaml_node *n
                       expected);
 }
 
-/* ---- bytes ---- */
-
-/* Checks that the text is UTF-8 without control characters. libyaml's own error has a less exact
- * place. */
-static enum error_code yaml_check_bytes(struct yaml_reader *r, const char *text, size_t size)
-{
-    const unsigned char *p = (const unsigned char *)text;
-    struct yaml_mark mark = {.file = r->file, .line = 1, .column = 1};
-
-    for (size_t i = 0; i < size;) {
-        size_t n = text_utf8_length(text + i, size - i);
-
-        if (p[i] == '\0') {
-            return yaml_error(r->error, &mark, "found a zero byte, expected text");
-        }
-        if (n == 0) {
-            return yaml_error(r->error, &mark, "found byte 0x%02x, expected UTF-8 text", p[i]);
-        }
-        if ((p[i] < 0x20 && !strchr("\t\n\r", p[i])) || p[i] == 0x7f) {
-            return yaml_error(r->error, &mark, "found control character 0x%02x, expected text",
-                              p[i]);
-        }
-        mark.column = p[i] == '\n' ? 1 : mark.column + 1;
-        mark.line += p[i] == '\n';
-        i += n;
-    }
-    return ERROR_NONE;
-}
-
 /* ---- document ---- */
 
 /* Converts a mark of libyaml. Its lines and columns count from 0. */
@@ -347,9 +318,27 @@ enum error_code yaml_tree_read(struct yaml_reader *r, const char *text, size_t s
         text += 3;
         size -= 3;
     }
-    code = yaml_check_bytes(r, text, size);
-    if (code) {
-        return code;
+    /* Check that the text is UTF-8 without control characters. libyaml's own error has a less
+     * exact place. */
+    const unsigned char *p = (const unsigned char *)text;
+    struct yaml_mark mark = {.file = r->file, .line = 1, .column = 1};
+
+    for (size_t i = 0; i < size;) {
+        size_t n = text_utf8_length(text + i, size - i);
+
+        if (p[i] == '\0') {
+            return yaml_error(r->error, &mark, "found a zero byte, expected text");
+        }
+        if (n == 0) {
+            return yaml_error(r->error, &mark, "found byte 0x%02x, expected UTF-8 text", p[i]);
+        }
+        if ((p[i] < 0x20 && !strchr("\t\n\r", p[i])) || p[i] == 0x7f) {
+            return yaml_error(r->error, &mark, "found control character 0x%02x, expected text",
+                              p[i]);
+        }
+        mark.column = p[i] == '\n' ? 1 : mark.column + 1;
+        mark.line += p[i] == '\n';
+        i += n;
     }
     if (!yaml_parser_initialize(&parser)) {
         return yaml_no_memory(r);

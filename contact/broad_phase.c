@@ -88,21 +88,6 @@ static double surfaces_distance(const struct broad_phase *broad, int i, int j, d
     return (balls > capsules ? balls : capsules) + slack;
 }
 
-/* Adds a pair to the list if it is within the margin. */
-static void list_add(struct broad_phase *broad, const struct broad_row *row, int lane)
-{
-    struct broad_candidate *c = &broad->candidate[broad->ncandidate];
-
-    *c = (struct broad_candidate){.surface = row->surface,
-                                  .other = row->first + lane,
-                                  .pair = row->pair[lane],
-                                  .plane = row->plane,
-                                  .slack = row->slack[lane]};
-    c->gap = c->plane ? surface_height(broad, c->surface, c->other)
-                      : surfaces_distance(broad, c->surface, c->other, c->slack);
-    broad->ncandidate += c->gap < MARGIN;
-}
-
 /* Makes Verlet's list of candidate pairs, and stores the present poses of the surfaces. */
 static void list_make(struct broad_phase *broad)
 {
@@ -115,7 +100,18 @@ static void list_make(struct broad_phase *broad)
             row->wanted & (row->plane ? row_meets_plane(now, row) : row_meets_ball(now, row));
 
         for (; meets; meets &= meets - 1) {
-            list_add(broad, row, __builtin_ctz(meets));
+            const int lane = __builtin_ctz(meets);
+            struct broad_candidate *c = &broad->candidate[broad->ncandidate];
+
+            /* Add a pair to the list if it is within the margin */
+            *c = (struct broad_candidate){.surface = row->surface,
+                                          .other = row->first + lane,
+                                          .pair = row->pair[lane],
+                                          .plane = row->plane,
+                                          .slack = row->slack[lane]};
+            c->gap = c->plane ? surface_height(broad, c->surface, c->other)
+                              : surfaces_distance(broad, c->surface, c->other, c->slack);
+            broad->ncandidate += c->gap < MARGIN;
         }
     }
 

@@ -17,33 +17,6 @@ static int axis_number(const double axis[3])
     return -1;
 }
 
-/* Computes a rotation whose third column is the unit vector axis. */
-static void rotation_to_axis(const double axis[3], double R[9])
-{
-    double x[3] = {0.0, 0.0, 0.0}, y[3], norm;
-    int least = 0;
-
-    for (int m = 1; m < 3; m++) {
-        if (fabs(axis[m]) < fabs(axis[least])) {
-            least = m;
-        }
-    }
-    /* Make two columns orthogonal to the axis, starting from the coordinate axis farthest from
-     * it */
-    x[least] = 1.0;
-    vec3_cross(axis, x, y);
-    norm = vec3_norm(y);
-    for (int m = 0; m < 3; m++) {
-        y[m] /= norm;
-    }
-    vec3_cross(y, axis, x);
-    for (int m = 0; m < 3; m++) {
-        R[3 * m] = x[m];
-        R[3 * m + 1] = y[m];
-        R[3 * m + 2] = axis[m];
-    }
-}
-
 void generic_prepare_link(const struct robot_body *body, const struct robot_joint *joint,
                           const struct link *parent, struct link *link)
 {
@@ -58,7 +31,29 @@ void generic_prepare_link(const struct robot_body *body, const struct robot_join
         link->inner = k < 0;
         link->axis = link->inner ? 2 : k;
         if (link->inner) {
-            rotation_to_axis(joint->axis, link->align);
+            double x[3] = {0.0, 0.0, 0.0}, y[3], norm;
+            int least = 0;
+
+            /* Compute a rotation whose third column is the unit vector axis */
+            for (int m = 1; m < 3; m++) {
+                if (fabs(joint->axis[m]) < fabs(joint->axis[least])) {
+                    least = m;
+                }
+            }
+            /* Make two columns orthogonal to the axis, starting from the coordinate axis farthest from
+             * it */
+            x[least] = 1.0;
+            vec3_cross(joint->axis, x, y);
+            norm = vec3_norm(y);
+            for (int m = 0; m < 3; m++) {
+                y[m] /= norm;
+            }
+            vec3_cross(y, joint->axis, x);
+            for (int m = 0; m < 3; m++) {
+                link->align[3 * m] = x[m];
+                link->align[3 * m + 1] = y[m];
+                link->align[3 * m + 2] = joint->axis[m];
+            }
         } else {
             mat3_identity(link->align);
         }

@@ -86,24 +86,6 @@ size_t integrator_dopri5_scratch(size_t n)
     return (DOPRI5_STAGES + 1) * n;
 }
 
-/* Returns the root mean square of the step's error over the state, relative to the tolerances. */
-static double dopri5_error(const struct integrator_dopri5 *control, double h, size_t n,
-                           const double *y, const double *end, const double *k)
-{
-    double sum = 0.0;
-
-    for (size_t i = 0; i < n; i++) {
-        double scale = control->atol + control->rtol * fmax(fabs(y[i]), fabs(end[i]));
-        double difference = 0.0;
-
-        for (int s = 0; s < DOPRI5_STAGES; s++) {
-            difference += dopri5_e[s] * k[(size_t)s * n + i];
-        }
-        sum += (h * difference / scale) * (h * difference / scale);
-    }
-    return sqrt(sum / (double)n);
-}
-
 /* Returns the factor for the next step's length (proportional-integral control); both errors are
  * at least tiny. */
 static double dopri5_factor(double error, double last_error)
@@ -142,7 +124,20 @@ bool integrator_dopri5(integrator_function *f, void *context, double t, double h
             f(context, (t + done) + dopri5_c[s] * step, stage, k + (size_t)s * n);
         }
         control->evaluations += DOPRI5_STAGES - 1;
-        error = dopri5_error(control, step, n, y, stage, k);
+        /* Compute the root mean square of the step's error over the state, relative to the
+         * tolerances */
+        double sum = 0.0;
+
+        for (size_t i = 0; i < n; i++) {
+            double scale = control->atol + control->rtol * fmax(fabs(y[i]), fabs(stage[i]));
+            double difference = 0.0;
+
+            for (int s = 0; s < DOPRI5_STAGES; s++) {
+                difference += dopri5_e[s] * k[(size_t)s * n + i];
+            }
+            sum += (step * difference / scale) * (step * difference / scale);
+        }
+        error = sqrt(sum / (double)n);
 
         /* If the error is too large, repeat with a shorter step */
         if (!(error <= 1.0)) {

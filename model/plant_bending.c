@@ -17,40 +17,6 @@ bool plant_bending_create(struct plant *plant, struct arena *arena)
     return plant->bending_acceleration && plant->bending_load;
 }
 
-/* Computes the wrench that accelerates body b, minus the external wrenches, in the world frame
- * about the body's origin. */
-static void find_own_load(const struct plant *plant, size_t b, struct wrench *load)
-{
-    const struct robot *robot = plant->config.robot;
-    const struct robot_inertia *inertia = &robot->body[b].inertia;
-    const struct body_motion *motion = &plant->whole_motion[b];
-    const struct body_acceleration *acceleration = &plant->bending_acceleration[b];
-    double com[3], a[3], spin[3], w[3], alpha[3], rate[3], outside[3], turned[3];
-
-    /* Force: m (acceleration of the center of mass - g) */
-    mat3_apply(motion->R, inertia->com, com);
-    vec3_cross(motion->w, com, spin);
-    memcpy(a, acceleration->a, sizeof a);
-    vec3_add_cross(acceleration->alpha, com, a);
-    vec3_add_cross(motion->w, spin, a);
-    mat3_apply(motion->R, plant->ext[b].force, outside);
-    for (int i = 0; i < 3; i++) {
-        load->force[i] = inertia->mass * (a[i] - robot->gravity[i]);
-    }
-
-    /* Moment: I alpha + w x I w in the body's axes, plus the moment of the force about the
-     * origin */
-    mat3_apply_transposed(motion->R, motion->w, w);
-    mat3_apply_transposed(motion->R, acceleration->alpha, alpha);
-    sym3_apply(inertia->I, alpha, rate);
-    sym3_apply(inertia->I, w, spin);
-    vec3_add_cross(w, spin, rate);
-    vec3_sub(rate, plant->ext[b].moment, turned);
-    mat3_apply(motion->R, turned, load->moment);
-    vec3_add_cross(com, load->force, load->moment);
-    vec3_sub(load->force, outside, load->force);
-}
-
 void plant_sample_bending(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -60,7 +26,35 @@ void plant_sample_bending(struct plant *plant)
     plant->whole.ops->acceleration(&plant->whole, plant->q, v, plant->vdot,
                                    plant->bending_acceleration);
     for (size_t b = 0; b < robot->nbody; b++) {
-        find_own_load(plant, b, &plant->bending_load[b]);
+        const struct robot_inertia *inertia = &robot->body[b].inertia;
+        const struct body_motion *motion = &plant->whole_motion[b];
+        const struct body_acceleration *acceleration = &plant->bending_acceleration[b];
+        double com[3], a[3], spin[3], w[3], alpha[3], rate[3], outside[3], turned[3];
+
+        /* Compute the wrench that accelerates body b, minus the external wrenches, in the world
+         * frame about the body's origin */
+        /* Force: m (acceleration of the center of mass - g) */
+        mat3_apply(motion->R, inertia->com, com);
+        vec3_cross(motion->w, com, spin);
+        memcpy(a, acceleration->a, sizeof a);
+        vec3_add_cross(acceleration->alpha, com, a);
+        vec3_add_cross(motion->w, spin, a);
+        mat3_apply(motion->R, plant->ext[b].force, outside);
+        for (int i = 0; i < 3; i++) {
+            plant->bending_load[b].force[i] = inertia->mass * (a[i] - robot->gravity[i]);
+        }
+
+        /* Moment: I alpha + w x I w in the body's axes, plus the moment of the force about the
+         * origin */
+        mat3_apply_transposed(motion->R, motion->w, w);
+        mat3_apply_transposed(motion->R, acceleration->alpha, alpha);
+        sym3_apply(inertia->I, alpha, rate);
+        sym3_apply(inertia->I, w, spin);
+        vec3_add_cross(w, spin, rate);
+        vec3_sub(rate, plant->ext[b].moment, turned);
+        mat3_apply(motion->R, turned, plant->bending_load[b].moment);
+        vec3_add_cross(com, plant->bending_load[b].force, plant->bending_load[b].moment);
+        vec3_sub(plant->bending_load[b].force, outside, plant->bending_load[b].force);
     }
     /* Sum from the leaves to the base. Children have higher indices than parents */
     for (size_t b = robot->nbody - 1; b > 0; b--) {

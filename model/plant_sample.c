@@ -58,18 +58,6 @@ static void observe_frame(const struct plant *plant, const struct robot_frame *f
     mat3_apply_transposed(out->R, a, out->specific);
 }
 
-/* Fills in the inertial sensor: rate, specific force, magnetic field, attitude. */
-static void sample_imu(const struct plant *plant, struct imu_sense *imu)
-{
-    struct frame_motion motion;
-
-    observe_frame(plant, &plant->config.robot->frame[plant->config.robot->imu_frame], &motion);
-    memcpy(imu->gyro_rad_s, motion.w, sizeof imu->gyro_rad_s);
-    memcpy(imu->accel_m_s2, motion.specific, sizeof imu->accel_m_s2);
-    mat3_apply_transposed(motion.R, magnetic_field_t, imu->magnetic_t);
-    quaternion_from_mat3(motion.R, imu->quaternion);
-}
-
 /* Computes the wrench at a force-torque sensor by Newton's and Euler's laws for the distal part:
  * external wrench minus the wrench of weight and inertia. */
 static void sample_ft_sensor(const struct plant *plant, const struct robot_ft_sensor *sensor,
@@ -261,7 +249,15 @@ enum error_code plant_sample(struct plant *plant)
         sample_ft_peak(plant, &robot->ft[f], &plant->sensors.ft[f]);
     }
     if (robot->imu_frame >= 0) {
-        sample_imu(plant, &plant->sensors.imu);
+        struct frame_motion motion;
+
+        /* Fill in the inertial sensor: rate, specific force, magnetic field, attitude */
+        observe_frame(plant, &plant->config.robot->frame[plant->config.robot->imu_frame], &motion);
+        memcpy(plant->sensors.imu.gyro_rad_s, motion.w, sizeof plant->sensors.imu.gyro_rad_s);
+        memcpy(plant->sensors.imu.accel_m_s2, motion.specific,
+               sizeof plant->sensors.imu.accel_m_s2);
+        mat3_apply_transposed(motion.R, magnetic_field_t, plant->sensors.imu.magnetic_t);
+        quaternion_from_mat3(motion.R, plant->sensors.imu.quaternion);
     }
     return ERROR_NONE;
 }

@@ -2,8 +2,6 @@
 /* Computes mechanical stops, their implicit steps, and passive joints. */
 #include "model/stop.h"
 
-#include <math.h>
-
 double stop_depth(double lower, double upper, double x)
 {
     return x > upper ? x - upper : x < lower ? x - lower : 0.0;

@@ -48,30 +48,6 @@ static enum error_code scene_check_body_keys(struct rig_builder *b, const struct
     return code;
 }
 
-/* Builds a free body with its pose and its inertia. The inertia is given, or computed for a box of
- * uniform density. */
-static enum error_code scene_build_free_body(struct rig_builder *b, const struct raw_body *raw,
-                                             struct plant_free_body *body)
-{
-    const double m = raw->body.inertia.mass;
-    const double x = raw->box_m[0], y = raw->box_m[1], z = raw->box_m[2];
-    const double box[6] = {m * (y * y + z * z) / 12.0, 0.0, 0.0,
-                           m * (x * x + z * z) / 12.0, 0.0, m * (x * x + y * y) / 12.0};
-    const bool given = yaml_has(&raw->mark, "inertia_kg_m2");
-    struct error why;
-
-    *body = raw->body;
-    if (!given) {
-        memcpy(body->inertia.I, box, sizeof box);
-    }
-    quaternion_from_rpy(raw->rpy_rad, body->quaternion);
-    if (plant_check_free_body(body, &why)) {
-        return yaml_error(b->error, yaml_place(&raw->mark, given ? "inertia_kg_m2" : "mass_kg"),
-                          "%s", why.text);
-    }
-    return ERROR_NONE;
-}
-
 /* Adds a place at the origin of a body or of the world. */
 static struct rig_place *scene_add_place(struct rig_builder *b, const char *name, int body)
 {
@@ -101,7 +77,26 @@ static enum error_code scene_build_body(struct rig_builder *b, const struct raw_
         return ERROR_NONE;
     }
     scene_add_place(b, raw->body.name, (int)(b->robot->nbody + b->rig->nfree));
-    return scene_build_free_body(b, raw, &free_body[b->rig->nfree++]);
+    /* Build a free body with its pose and its inertia. The inertia is given, or computed for a
+     * box of uniform density. */
+    struct plant_free_body *body = &free_body[b->rig->nfree++];
+    const double m = raw->body.inertia.mass;
+    const double x = raw->box_m[0], y = raw->box_m[1], z = raw->box_m[2];
+    const double box[6] = {m * (y * y + z * z) / 12.0, 0.0, 0.0,
+                           m * (x * x + z * z) / 12.0, 0.0, m * (x * x + y * y) / 12.0};
+    const bool given = yaml_has(&raw->mark, "inertia_kg_m2");
+    struct error why;
+
+    *body = raw->body;
+    if (!given) {
+        memcpy(body->inertia.I, box, sizeof box);
+    }
+    quaternion_from_rpy(raw->rpy_rad, body->quaternion);
+    if (plant_check_free_body(body, &why)) {
+        return yaml_error(b->error, yaml_place(&raw->mark, given ? "inertia_kg_m2" : "mass_kg"),
+                          "%s", why.text);
+    }
+    return ERROR_NONE;
 }
 
 enum error_code rig_build_bodies(struct rig_builder *b)

@@ -119,53 +119,6 @@ static const char *dbc_board_name(const struct dbc_exporter *e, const struct boa
                  : everyone;
 }
 
-/* Makes the name of a message: board, words, number. `whole`: the long name if the board's name is
- * cut, else "". */
-static void dbc_make_message_name(const struct dbc_exporter *e, const struct message *message,
-                                  char name[NAME_SIZE], char whole[LONG_SIZE])
-{
-    const struct board_config *board = dbc_message_board(e, message);
-    const char *words = message->code != MESSAGE_NO_CODE ? message->family : message->name;
-    char before[LONG_SIZE + 1] = "ALL_", after[16] = "";
-
-    if (board) {
-        dbc_clean_name(board->name, before);
-        strcat(before, "_");
-    }
-    if (message->code == MESSAGE_NO_CODE && message->list && !board) {
-        snprintf(after, sizeof after, "_%u", message->number);
-    } else if (message->code == MESSAGE_NO_CODE && message->slot >= 0 && !message->list && board) {
-        unsigned first = boards_first_slot(&e->rig->boards, (int)(board - e->rig->boards.board));
-
-        snprintf(after, sizeof after, "_%u", (unsigned)message->slot - first);
-    }
-
-    /* If the board's name is too long, keep the whole name and make a shorter one */
-    snprintf(whole, LONG_SIZE, "%.80s%.30s%s", before, words, after);
-    if (board && strlen(before) > NODE_LETTERS + 1 && strlen(whole) > DBC_NAME_MAX) {
-        snprintf(before, sizeof before, "%.11s_%u_", whole, (unsigned)board->address % 10000);
-    } else {
-        whole[0] = '\0';
-        snprintf(before, sizeof before, "%s_", dbc_board_name(e, board));
-    }
-    dbc_fit_name(name, before, words, after);
-}
-
-/* Makes the name JOINT_QUANTITY. A field such as position0 ends with the axis number on its board
- * or bus. Leaves this digit out, because the joint already identifies the axis. */
-static void dbc_make_joint_name(const struct dbc_field *p, char name[NAME_SIZE],
-                                char whole[LONG_SIZE])
-{
-    size_t size = dbc_clean_name(p->joint, whole);
-
-    size += (size_t)snprintf(whole + size, LONG_SIZE - size, "_%s", p->quantity);
-    size = size < LONG_SIZE ? size : LONG_SIZE - 1;
-    while (whole[size - 1] >= '0' && whole[size - 1] <= '9') {
-        whole[--size] = '\0';
-    }
-    dbc_fit_name(name, "", whole, "");
-}
-
 /* Makes a signal name from the names in the boards' message tables. */
 static void dbc_make_table_name(const struct dbc_exporter *e, const struct dbc_field *p,
                                 char name[NAME_SIZE])
@@ -208,7 +161,17 @@ static void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_
     if (p->component) {
         snprintf(name, NAME_SIZE, "%s", p->component);
     } else {
-        dbc_make_joint_name(p, name, whole);
+        size_t size = dbc_clean_name(p->joint, whole);
+
+        /* Make the name JOINT_QUANTITY. A field such as position0 ends with the axis number on
+         * its board or bus. Leave this digit out, because the joint already identifies the
+         * axis. */
+        size += (size_t)snprintf(whole + size, LONG_SIZE - size, "_%s", p->quantity);
+        size = size < LONG_SIZE ? size : LONG_SIZE - 1;
+        while (whole[size - 1] >= '0' && whole[size - 1] <= '9') {
+            whole[--size] = '\0';
+        }
+        dbc_fit_name(name, "", whole, "");
     }
 
     /* Number names that are equal after shortening */
@@ -238,20 +201,6 @@ static void dbc_find_subject(const struct dbc_exporter *e, struct dbc_field *p)
     p->joint = joint >= 0 ? e->rig->robot->joint[joint].name : NULL;
     p->component =
         subject->channel >= 0 && board->kind == BOARD_FT ? components[subject->channel] : NULL;
-}
-
-/* Writes a signal's comment: its joint or force-torque sensor. */
-static void dbc_comment_signal(struct dbc_exporter *e, const struct dbc_field *p,
-                               struct dbc_signal *signal)
-{
-    const struct board_config *board = dbc_message_board(e, p->of.message);
-
-    if (p->joint) {
-        e->code = dbc_set_comment(e->dbc, &signal->comment, p->joint, e->error);
-    } else if (p->component) {
-        e->code =
-            dbc_set_comment(e->dbc, &signal->comment, e->rig->robot->ft[board->ft].name, e->error);
-    }
 }
 
 /* Returns the nodes that receive a message, as a bit mask. */
@@ -315,7 +264,15 @@ static void dbc_export_signal(struct dbc_exporter *e, struct dbc_message *to,
         e->code = dbc_add_value(e->dbc, added, v->value, v->name, e->error);
     }
     if (!e->code) {
-        dbc_comment_signal(e, p, added);
+        const struct board_config *board = dbc_message_board(e, p->of.message);
+
+        /* Write a signal's comment: its joint or force-torque sensor */
+        if (p->joint) {
+            e->code = dbc_set_comment(e->dbc, &added->comment, p->joint, e->error);
+        } else if (p->component) {
+            e->code = dbc_set_comment(e->dbc, &added->comment, e->rig->robot->ft[board->ft].name,
+                                      e->error);
+        }
     }
 }
 
@@ -364,31 +321,38 @@ static struct dbc_message *dbc_export_message(struct dbc_exporter *e, const stru
                            .sender = message->from_host ? HOST : dbc_board_node(e, message->sender),
                            .cycle_ms = (uint32_t)((message->cycle_ns + 500000) / 1000000),
                        };
+    const struct board_config *board = dbc_message_board(e, message);
+    const char *words = message->code != MESSAGE_NO_CODE ? message->family : message->name;
+    char before[LONG_SIZE + 1] = "ALL_", after[16] = "";
 
-    dbc_make_message_name(e, message, name, whole);
+    /* Make the name of a message: board, words, number. `whole`: the long name if the board's
+     * name is cut, else "". */
+    if (board) {
+        dbc_clean_name(board->name, before);
+        strcat(before, "_");
+    }
+    if (message->code == MESSAGE_NO_CODE && message->list && !board) {
+        snprintf(after, sizeof after, "_%u", message->number);
+    } else if (message->code == MESSAGE_NO_CODE && message->slot >= 0 && !message->list && board) {
+        unsigned first = boards_first_slot(&e->rig->boards, (int)(board - e->rig->boards.board));
+
+        snprintf(after, sizeof after, "_%u", (unsigned)message->slot - first);
+    }
+
+    /* If the board's name is too long, keep the whole name and make a shorter one */
+    snprintf(whole, LONG_SIZE, "%.80s%.30s%s", before, words, after);
+    if (board && strlen(before) > NODE_LETTERS + 1 && strlen(whole) > DBC_NAME_MAX) {
+        snprintf(before, sizeof before, "%.11s_%u_", whole, (unsigned)board->address % 10000);
+    } else {
+        whole[0] = '\0';
+        snprintf(before, sizeof before, "%s_", dbc_board_name(e, board));
+    }
+    dbc_fit_name(name, before, words, after);
     e->code = dbc_add_message(e->dbc, &made, &added, e->error);
     if (!e->code && whole[0]) {
         e->code = dbc_set_comment(e->dbc, &added->long_name, whole, e->error);
     }
     return added;
-}
-
-/* Adds the signal of byte 0. Its value selects the other signals. */
-static void dbc_export_multiplexor(struct dbc_exporter *e, struct dbc_message *to,
-                                   const struct message *message)
-{
-    const struct dbc_signal signal = {
-        .name = "command",
-        .role = DBC_MULTIPLEXOR,
-        .bits = 8,
-        .scale = 1.0,
-        .max = 255.0,
-        .unit = "",
-        .receivers = dbc_message_receivers(e, message),
-    };
-    struct dbc_signal *added;
-
-    e->code = dbc_add_signal(e->dbc, to, &signal, &added, e->error);
 }
 
 /* Adds a command to the message of its class; once for each axis. */
@@ -400,7 +364,19 @@ static void dbc_export_command(struct dbc_exporter *e, const struct message *mes
     if (!to) {
         to = dbc_export_message(e, message);
         if (!e->code) {
-            dbc_export_multiplexor(e, to, message);
+            const struct dbc_signal signal = {
+                .name = "command",
+                .role = DBC_MULTIPLEXOR,
+                .bits = 8,
+                .scale = 1.0,
+                .max = 255.0,
+                .unit = "",
+                .receivers = dbc_message_receivers(e, message),
+            };
+            struct dbc_signal *added;
+
+            /* Add the signal of byte 0. Its value selects the other signals. */
+            e->code = dbc_add_signal(e->dbc, to, &signal, &added, e->error);
         }
     }
     for (int axis = 0; axis < axes && !e->code; axis++) {
@@ -412,20 +388,6 @@ static void dbc_export_command(struct dbc_exporter *e, const struct message *mes
         if (!e->code) {
             dbc_export_fields(e, to, message, command);
         }
-    }
-}
-
-/* Writes a message's comment, with information that signals cannot express. */
-static void dbc_comment_message(struct dbc_exporter *e, struct dbc_message *to,
-                                const struct message *message)
-{
-    char text[DBC_TEXT_MAX + 1] = "";
-
-    if (e->protocol->comment_message) {
-        e->protocol->comment_message(message, text, sizeof text);
-    }
-    if (*text) {
-        e->code = dbc_set_comment(e->dbc, &to->comment, text, e->error);
     }
 }
 
@@ -455,7 +417,15 @@ static bool dbc_visit_message(void *context, const struct message *message)
             dbc_export_fields(e, added, message, MESSAGE_NO_CODE);
         }
         if (!e->code) {
-            dbc_comment_message(e, added, message);
+            char text[DBC_TEXT_MAX + 1] = "";
+
+            /* Write a message's comment, with information that signals cannot express */
+            if (e->protocol->comment_message) {
+                e->protocol->comment_message(message, text, sizeof text);
+            }
+            if (*text) {
+                e->code = dbc_set_comment(e->dbc, &added->comment, text, e->error);
+            }
         }
     }
     return !e->code;
@@ -493,19 +463,6 @@ static void dbc_export_lockstep_frame(struct dbc_exporter *e, const char *name, 
         fields[i].unit = "";
         fields[i].receivers = UINT64_C(1) << receiver;
         e->code = dbc_add_signal(e->dbc, added, &fields[i], &signal, e->error);
-    }
-}
-
-/* Adds the frame STEP on its bus, and the frame DONE of each bus. */
-static void dbc_export_lockstep(struct dbc_exporter *e)
-{
-    const struct loop_lockstep *lockstep = &e->rig->lockstep;
-
-    if (lockstep->bus == (int)e->bus) {
-        dbc_export_lockstep_frame(e, "STEP", lockstep->step_id, HOST, SIMULATOR, "ticks");
-    }
-    if (!e->code) {
-        dbc_export_lockstep_frame(e, "DONE", lockstep->done_id, SIMULATOR, HOST, "flags");
     }
 }
 
@@ -628,7 +585,15 @@ enum error_code rig_dbc(const struct rig *rig, size_t bus, struct arena *arena, 
         boards_messages(&rig->boards, (int)bus, dbc_visit_message, &e);
     }
     if (!e.code) {
-        dbc_export_lockstep(&e);
+        const struct loop_lockstep *lockstep = &e.rig->lockstep;
+
+        /* Add the frame STEP on its bus, and the frame DONE of each bus */
+        if (lockstep->bus == (int)e.bus) {
+            dbc_export_lockstep_frame(&e, "STEP", lockstep->step_id, HOST, SIMULATOR, "ticks");
+        }
+        if (!e.code) {
+            dbc_export_lockstep_frame(&e, "DONE", lockstep->done_id, SIMULATOR, HOST, "flags");
+        }
     }
     *dbc = e.dbc;
     return e.code ? error_prefix(error, "%s: bus %s", rig->file, rig->bus[bus].name) : ERROR_NONE;

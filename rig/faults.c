@@ -4,7 +4,6 @@
 
 #include "rig/builder_private.h"
 
-#include <stdio.h>
 #include <string.h>
 
 /* Bytes of reserved address space for the names of a rig. */

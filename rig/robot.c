@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Builds the robot of a rig: reads its file, applies the rig's changes, and sets the initial
  * pose. */
-#include "base/portable_math.h"
 #include "model/coupling.h"
 #include "model/spatial.h"
 #include "rig/builder_private.h"
@@ -34,23 +33,6 @@ static enum error_code rig_replace_springs(struct rig_builder *b, struct robot *
         robot->joint[index].sea.Ds = spring->Ds_nm_s_rad;
     }
     return ERROR_NONE;
-}
-
-/* Adds a point mass at `p`, in the frame of the inertia. The moments of inertia are about the
- * center of mass. */
-static void rig_add_point(struct robot_inertia *inertia, double mass, const double p[3])
-{
-    double total = inertia->mass + mass, reduced = inertia->mass * mass / total, d[3];
-
-    vec3_sub(p, inertia->com, d);
-    for (int i = 0; i < 3; i++) {
-        for (int j = i; j < 3; j++) {
-            inertia->I[sym3_index[i][j]] +=
-                reduced * ((i == j ? vec3_dot(d, d) : 0.0) - d[i] * d[j]);
-        }
-    }
-    vec3_add_scaled(inertia->com, mass / total, d, inertia->com);
-    inertia->mass = total;
 }
 
 /* Replaces the part beyond a force-torque sensor by a tool of the rig. */
@@ -107,7 +89,21 @@ static enum error_code rig_hang_mass(struct rig_builder *b, struct robot *robot,
         }
         vec3_sub(robot->body[body].inertia.com, frame->position, arm);
         mat3_apply_transposed(frame->rotation, arm, p);
-        rig_add_point(&ft->distal, added->value, p);
+        /* Add a point mass at `p`, in the frame of the inertia. The moments of inertia are
+         * about the center of mass. */
+        struct robot_inertia *inertia = &ft->distal;
+        double total = inertia->mass + added->value, reduced = inertia->mass * added->value / total,
+               d[3];
+
+        vec3_sub(p, inertia->com, d);
+        for (int i = 0; i < 3; i++) {
+            for (int j = i; j < 3; j++) {
+                inertia->I[sym3_index[i][j]] +=
+                    reduced * ((i == j ? vec3_dot(d, d) : 0.0) - d[i] * d[j]);
+            }
+        }
+        vec3_add_scaled(inertia->com, added->value / total, d, inertia->com);
+        inertia->mass = total;
     }
     return ERROR_NONE;
 }
@@ -209,28 +205,6 @@ enum error_code rig_build_robot(struct rig_builder *b)
     return b->torque && b->driver && b->ft ? ERROR_NONE : rig_no_memory(b);
 }
 
-/* Sets each follower joint to the angle that its leader's angle requires. */
-static enum error_code rig_align_followers(struct rig_builder *b, double *joint)
-{
-    const struct robot *robot = b->robot;
-
-    coupling_align(robot, joint);
-    for (size_t i = 0; i < robot->ncoupling; i++) {
-        const struct robot_coupling *coupling = &robot->coupling[i];
-        const struct robot_joint *follower = &robot->joint[coupling->follower];
-        const double at = joint[coupling->follower], near = COUPLING_ALIGNED * fmax(1.0, fabs(at));
-
-        if (at < follower->lower - near || at > follower->upper + near) {
-            return yaml_error(b->error, &b->raw->initial.mark,
-                              "found joint \"%s\" at %g, where \"%s\" leads it, expected %g to "
-                              "%g (its limits)",
-                              follower->name, at, robot->joint[coupling->leader].name,
-                              follower->lower, follower->upper);
-        }
-    }
-    return ERROR_NONE;
-}
-
 /* Builds the joint positions: the pose of the robot, then the angles that the rig gives. */
 static enum error_code rig_build_joints(struct rig_builder *b, const struct robot_pose *pose)
 {
@@ -271,7 +245,24 @@ static enum error_code rig_build_joints(struct rig_builder *b, const struct robo
         joint[index] = entry->value;
     }
     b->rig->joint = joint;
-    return rig_align_followers(b, joint);
+    /* Set each follower joint to the angle that its leader's angle requires */
+    const struct robot *robot = b->robot;
+
+    coupling_align(robot, joint);
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+        const struct robot_joint *follower = &robot->joint[coupling->follower];
+        const double at = joint[coupling->follower], near = COUPLING_ALIGNED * fmax(1.0, fabs(at));
+
+        if (at < follower->lower - near || at > follower->upper + near) {
+            return yaml_error(b->error, &b->raw->initial.mark,
+                              "found joint \"%s\" at %g, where \"%s\" leads it, expected %g to "
+                              "%g (its limits)",
+                              follower->name, at, robot->joint[coupling->leader].name,
+                              follower->lower, follower->upper);
+        }
+    }
+    return ERROR_NONE;
 }
 
 /* Fixes the base to the world at the place that the rig gives. Does nothing for a free base. */

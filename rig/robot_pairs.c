@@ -14,7 +14,6 @@
 #include "rig/builder_private.h"
 
 #include <math.h>
-#include <string.h>
 
 #define SLACK_ROOM 2e-3 /* additional slack, for motion around the poses that define it, m */
 

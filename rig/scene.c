@@ -21,20 +21,6 @@ static int scene_add_contact_body(struct rig_builder *b, int *bodies, int body)
     return (int)i;
 }
 
-/* Checks that the robot file has a frame or a capsule on a body. Without one, the plant does not
- * compute the body's pose. */
-static enum error_code scene_check_observed(struct rig_builder *b, const struct yaml_mark *mark,
-                                            int body)
-{
-    if (body >= 0 && (size_t)body < b->robot->nbody && !b->robot->body[body].observed) {
-        return yaml_error(b->error, mark,
-                          "found body \"%s\", on which the robot file has no frame or capsule, "
-                          "expected one with either",
-                          b->robot->body[body].name);
-    }
-    return ERROR_NONE;
-}
-
 /* Finds the place of a surface: a body, a named frame on a body, or the world. */
 static enum error_code surface_find_place(struct rig_builder *b, const struct raw_surface *raw,
                                           struct rig_place *place)
@@ -54,7 +40,16 @@ static enum error_code surface_find_place(struct rig_builder *b, const struct ra
             return code;
         }
         *place = b->place[index];
-        return scene_check_observed(b, yaml_place(&raw->mark, "body"), place->body);
+        /* Check that the robot file has a frame or a capsule on a body. Without one, the plant
+         * does not compute the body's pose. */
+        if (place->body >= 0 && (size_t)place->body < b->robot->nbody &&
+            !b->robot->body[place->body].observed) {
+            return yaml_error(b->error, (yaml_place(&raw->mark, "body")),
+                              "found body \"%s\", on which the robot file has no frame or capsule, "
+                              "expected one with either",
+                              b->robot->body[place->body].name);
+        }
+        return ERROR_NONE;
     }
     code = rig_find(b, yaml_place(&raw->mark, "frame"), "frame", raw->frame,
                     RIG_NAMES(b->robot->frame, b->robot->nframe), &index);

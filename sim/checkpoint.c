@@ -103,24 +103,21 @@ static void checkpoint_restore_words(unsigned char *to, const unsigned char *fro
     }
 }
 
-/* Restores a span. Compares in blocks first, because most of the memory does not differ. */
-static void checkpoint_restore_span(unsigned char *to, const unsigned char *from, size_t size)
-{
-    for (size_t at = 0; at < size; at += BLOCK) {
-        size_t part = size - at < BLOCK ? size - at : BLOCK;
-
-        if (memcmp(to + at, from + at, part) != 0) {
-            checkpoint_restore_words(to + at, from + at, part);
-        }
-    }
-}
-
 void checkpoint_restore(const struct checkpoint *c, size_t copy)
 {
     const unsigned char *from = c->copy + copy * c->size;
 
     for (size_t i = 0; i < c->nspan; i++) {
-        checkpoint_restore_span(c->span[i].memory, from, c->span[i].size);
+        unsigned char *to = c->span[i].memory;
+
+        /* Compare in blocks first, because most of the memory does not differ */
+        for (size_t at = 0; at < c->span[i].size; at += BLOCK) {
+            size_t part = c->span[i].size - at < BLOCK ? c->span[i].size - at : BLOCK;
+
+            if (memcmp(to + at, from + at, part) != 0) {
+                checkpoint_restore_words(to + at, from + at, part);
+            }
+        }
         from += c->span[i].size;
     }
 }

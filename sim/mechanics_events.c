@@ -106,30 +106,6 @@ static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j, dou
     }
 }
 
-/* Detects a joint's series spring at its stop, and emits one event per occurrence. */
-static void watch_spring(struct watch *watch, int64_t now_ns, size_t j,
-                         const struct motor_sense *motor)
-{
-    const struct robot_sea *sea = &watch->rig->robot->joint[j].sea;
-    double deflection = fabs(motor->qm - motor->q);
-    struct watch_joint *seen = &watch->joint[j];
-
-    if (plant_command(watch->plant)->motor[j].condition & DRIVE_SPRING_BREAK) {
-        seen->spring = false;
-    } else if (deflection > sea->deflection && !seen->spring) {
-        const struct watch_event event = {
-            .time_ns = now_ns, .kind = WATCH_SPRING, .index = j, .value = sea->deflection};
-
-        seen->spring = true;
-        ring_push(&watch->events, &event);
-    }
-    if (deflection > SPRING_BACK * sea->deflection) {
-        seen->spring_near_ns = now_ns;
-    } else if (now_ns - seen->spring_near_ns >= WATCH_QUIET_NS) {
-        seen->spring = false;
-    }
-}
-
 /* ---- falls ---- */
 
 /* Returns the cosine of the angle between up and the base's axis that pointed up at the start. */
@@ -392,21 +368,6 @@ static bool find_deepest(const struct watch *watch, bool planes, struct watch_ev
     return worst > 0.0;
 }
 
-/* Emits one event when a pair is too deep, and the next only after no pair was for
- * WATCH_CALM_NS. */
-static void watch_depth(struct watch *watch, int64_t now_ns)
-{
-    struct watch_event event = {.time_ns = now_ns, .kind = WATCH_DEEP};
-
-    watch->depth_ns = now_ns + WATCH_DEPTH_NS;
-    if (find_deepest(watch, watch->rig->contact_engine == RIG_CONTACT_SIMBODY, &event)) {
-        if (watch->deep_ns < 0 || now_ns - watch->deep_ns >= WATCH_CALM_NS) {
-            ring_push(&watch->events, &event);
-        }
-        watch->deep_ns = now_ns;
-    }
-}
-
 /* Refuses a surface that starts too deep in a surface of the world (watch_limit). */
 static enum error_code check_start(const struct watch *watch, struct error *error)
 {
@@ -439,7 +400,25 @@ void watch_step(struct watch *watch, int64_t now_ns)
     for (size_t j = 0; j < robot->njoint; j++) {
         watch_joint_limit(watch, now_ns, j, motor[j].q);
         if (robot->joint[j].sea.present && robot->joint[j].sea.stop.stiffness > 0.0) {
-            watch_spring(watch, now_ns, j, &motor[j]);
+            const struct robot_sea *sea = &watch->rig->robot->joint[j].sea;
+            double deflection = fabs(motor[j].qm - motor[j].q);
+            struct watch_joint *seen = &watch->joint[j];
+
+            /* Detect a joint's series spring at its stop, and emit one event per occurrence */
+            if (plant_command(watch->plant)->motor[j].condition & DRIVE_SPRING_BREAK) {
+                seen->spring = false;
+            } else if (deflection > sea->deflection && !seen->spring) {
+                const struct watch_event event = {
+                    .time_ns = now_ns, .kind = WATCH_SPRING, .index = j, .value = sea->deflection};
+
+                seen->spring = true;
+                ring_push(&watch->events, &event);
+            }
+            if (deflection > SPRING_BACK * sea->deflection) {
+                seen->spring_near_ns = now_ns;
+            } else if (now_ns - seen->spring_near_ns >= WATCH_QUIET_NS) {
+                seen->spring = false;
+            }
         }
     }
     if (watch->falls && plant_is_clamped(watch->plant)) {
@@ -451,7 +430,17 @@ void watch_step(struct watch *watch, int64_t now_ns)
         watch_check_energy(watch, now_ns);
     }
     if (now_ns >= watch->depth_ns && watch->rig->contact_engine != RIG_CONTACT_NONE) {
-        watch_depth(watch, now_ns);
+        struct watch_event event = {.time_ns = now_ns, .kind = WATCH_DEEP};
+
+        /* Emit one event when a pair is too deep, and the next only after no pair was for
+         * WATCH_CALM_NS */
+        watch->depth_ns = now_ns + WATCH_DEPTH_NS;
+        if (find_deepest(watch, watch->rig->contact_engine == RIG_CONTACT_SIMBODY, &event)) {
+            if (watch->deep_ns < 0 || now_ns - watch->deep_ns >= WATCH_CALM_NS) {
+                ring_push(&watch->events, &event);
+            }
+            watch->deep_ns = now_ns;
+        }
     }
 }
 

@@ -40,22 +40,6 @@ void simulator_record_row(struct simulator *simulator)
     }
 }
 
-/* Returns the names of the robot's bodies, then of the free bodies; NULL = no memory. */
-static const char *const *recording_body_names(struct simulator *simulator, size_t *count)
-{
-    const struct rig *rig = simulator->config.rig;
-    const char **name = arena_alloc(simulator->arena, rig->robot->nbody + rig->nfree, sizeof *name);
-
-    *count = 0;
-    for (size_t b = 0; name && b < rig->robot->nbody; b++) {
-        name[(*count)++] = rig->robot->body[b].name;
-    }
-    for (size_t i = 0; name && i < rig->nfree; i++) {
-        name[(*count)++] = rig->free[i].name;
-    }
-    return name;
-}
-
 /* ---- wires ---- */
 
 /* Records a frame that a wire has carried, with the wire's time. */
@@ -126,33 +110,6 @@ static struct contact_arrows *recording_find_contacts(struct simulator *simulato
 
 /* ---- opening ---- */
 
-/* Adds the channels that viewers draw: the scene once, contacts in each row. */
-static enum error_code recording_add_channels(struct simulator *simulator,
-                                              struct recorder_config *recorder, struct error *error)
-{
-    const struct rig *rig = simulator->config.rig;
-    struct recorder_channel *channel = arena_alloc(simulator->arena, 2, sizeof *channel);
-    struct contact_arrows *arrows = recording_find_contacts(simulator);
-    struct memory_file scene = {.text = NULL};
-    enum error_code code = scene_message_make(rig, &scene, error);
-
-    if (!code && channel && arrows) {
-        channel[0] = (struct recorder_channel){
-            .topic = "/scene",
-            .type = "foxglove.SceneUpdate",
-            .schema = recorder_schema_scene,
-            .first = arena_strdup(simulator->arena, scene.text),
-        };
-        channel[1] = contact_arrows_channel(arrows);
-        recorder->channel = channel;
-        recorder->nchannel = arrows->ncontact ? 2 : 1;
-    }
-    free(scene.text);
-    return code || (recorder->nchannel && channel[0].first)
-               ? code
-               : error_set(error, ERROR_MEMORY, "no memory left for the recorder's channels");
-}
-
 enum error_code simulator_create_recorder(struct simulator *simulator, struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
@@ -172,7 +129,18 @@ enum error_code simulator_create_recorder(struct simulator *simulator, struct er
         return ERROR_NONE;
     }
     /* A row holds the signals, then the poses */
-    recorder.body = recording_body_names(simulator, &recorder.nbody);
+    size_t *count = &recorder.nbody;
+    const struct rig *rig = simulator->config.rig;
+    const char **name = arena_alloc(simulator->arena, rig->robot->nbody + rig->nfree, sizeof *name);
+
+    *count = 0;
+    for (size_t b = 0; name && b < rig->robot->nbody; b++) {
+        name[(*count)++] = rig->robot->body[b].name;
+    }
+    for (size_t i = 0; name && i < rig->nfree; i++) {
+        name[(*count)++] = rig->free[i].name;
+    }
+    recorder.body = name;
     simulator->row =
         arena_alloc(simulator->arena, simulator->nrecorded + RECORDER_POSE * recorder.nbody + 1,
                     sizeof(double));
@@ -181,7 +149,27 @@ enum error_code simulator_create_recorder(struct simulator *simulator, struct er
         return error_set(error, ERROR_MEMORY, "no memory left for the recorder's signals");
     }
     if (recorder.format & RECORDER_MCAP) {
-        code = recording_add_channels(simulator, &recorder, error);
+        struct recorder_channel *channel = arena_alloc(simulator->arena, 2, sizeof *channel);
+        struct contact_arrows *arrows = recording_find_contacts(simulator);
+        struct memory_file scene = {.text = NULL};
+
+        /* Add the channels that viewers draw: the scene once, contacts in each row */
+        code = scene_message_make(rig, &scene, error);
+        if (!code && channel && arrows) {
+            channel[0] = (struct recorder_channel){
+                .topic = "/scene",
+                .type = "foxglove.SceneUpdate",
+                .schema = recorder_schema_scene,
+                .first = arena_strdup(simulator->arena, scene.text),
+            };
+            channel[1] = contact_arrows_channel(arrows);
+            recorder.channel = channel;
+            recorder.nchannel = arrows->ncontact ? 2 : 1;
+        }
+        free(scene.text);
+        code = code || (recorder.nchannel && channel[0].first)
+                   ? code
+                   : error_set(error, ERROR_MEMORY, "no memory left for the recorder's channels");
     }
     code = code ? code : recorder_open(&recorder, simulator->arena, &simulator->recorder, error);
     return code ? code : simulator_tap_wires(simulator, error);

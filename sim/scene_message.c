@@ -7,7 +7,6 @@
 #include "model/spatial.h"
 
 #include <math.h>
-#include <string.h>
 
 /* The ground is drawn as a slab: edge length and depth, m. */
 #define GROUND_M 20.0
@@ -166,29 +165,6 @@ static const struct robot_inertia *scene_body_inertia(const struct rig *rig, int
                                 : &rig->free[(size_t)body - nbody].inertia;
 }
 
-/* Writes the ellipsoid with a body's inertia. A solid ellipsoid with semi-axes a, b, c has I_xx =
- * m (b^2 + c^2) / 5. So its proportions follow from the moments, and its size from the mass. */
-static void scene_put_inertia(FILE *out, const struct robot_inertia *inertia)
-{
-    static const double upright[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-    const double I[3] = {inertia->I[0], inertia->I[3], inertia->I[5]};
-    double size[3], volume = 1.0, scale;
-
-    for (int k = 0; k < 3; k++) {
-        double square = 0.5 * (I[0] + I[1] + I[2]) - I[k];
-
-        size[k] = sqrt(fmax(square, 0.02 * (I[0] + I[1] + I[2])));
-        volume *= size[k];
-    }
-    scale = volume > 0.0
-                ? portable_pow(6.0 / M_PI * inertia->mass / DENSITY_KG_M3 / volume, 1.0 / 3)
-                : 0.0;
-    for (int k = 0; k < 3; k++) {
-        size[k] *= scale;
-    }
-    scene_put_solid(out, inertia->com, upright, size, &color_inertia, false);
-}
-
 /* Writes one list of an entity: the primitives of the body's surfaces. A body without surfaces has
  * an ellipsoid. */
 static void scene_put_list(const struct scene_writer *w, int body, enum scene_list list)
@@ -229,7 +205,27 @@ static void scene_put_list(const struct scene_writer *w, int body, enum scene_li
     }
     if (list == LIST_SPHERES && body >= 0 && !scene_body_has_surface(w->rig, body) &&
         scene_body_inertia(w->rig, body)->mass > 0.0) {
-        scene_put_inertia(w->out, scene_body_inertia(w->rig, body));
+        const struct robot_inertia *inertia = scene_body_inertia(w->rig, body);
+        static const double upright[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+        const double I[3] = {inertia->I[0], inertia->I[3], inertia->I[5]};
+        double size[3], volume = 1.0, scale;
+
+        /* Write the ellipsoid with a body's inertia. A solid ellipsoid with semi-axes a, b, c
+         * has I_xx = m (b^2 + c^2) / 5. So its proportions follow from the moments, and its size
+         * from the mass. */
+        for (int k = 0; k < 3; k++) {
+            double square = 0.5 * (I[0] + I[1] + I[2]) - I[k];
+
+            size[k] = sqrt(fmax(square, 0.02 * (I[0] + I[1] + I[2])));
+            volume *= size[k];
+        }
+        scale = volume > 0.0
+                    ? portable_pow(6.0 / M_PI * inertia->mass / DENSITY_KG_M3 / volume, 1.0 / 3)
+                    : 0.0;
+        for (int k = 0; k < 3; k++) {
+            size[k] *= scale;
+        }
+        scene_put_solid(w->out, inertia->com, upright, size, &color_inertia, false);
     }
     putc(']', w->out);
 }

@@ -6,7 +6,6 @@
 #include "boards/messages.h"
 #include "canbus/candump.h"
 
-#include <inttypes.h>
 #include <limits.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -236,23 +235,6 @@ static enum error_code stimulus_check_count(const struct stimulus_reader *reader
                      reader->path);
 }
 
-/* Counts the frames, allocates room, and reads them. */
-static enum error_code stimulus_read(const struct stimulus_reader *reader, struct arena *arena,
-                                     struct stimulus *stimulus, struct error *error)
-{
-    enum error_code code = stimulus_pass(reader, stimulus, error);
-
-    code = code ? code : stimulus_check_count(reader, stimulus, error);
-    for (size_t b = 0; !code && b < reader->rig->nbus; b++) {
-        stimulus->frame[b] = arena_alloc(arena, stimulus->count[b] + 1, sizeof *stimulus->frame[b]);
-        if (!stimulus->frame[b]) {
-            return error_set(error, ERROR_MEMORY, "no memory left for the frames to play");
-        }
-    }
-    code = code ? code : stimulus_pass(reader, stimulus, error);
-    return code ? code : stimulus_check_count(reader, stimulus, error);
-}
-
 enum error_code stimulus_load(const char *path, const struct rig *rig, const char *const *interface,
                               bool lockstep, struct arena *arena, struct stimulus *stimulus,
                               struct error *error)
@@ -284,5 +266,16 @@ enum error_code stimulus_load(const char *path, const struct rig *rig, const cha
                          "log to play cannot be told from",
                          EXTENDED_IDS);
     }
-    return stimulus_read(reader, arena, stimulus, error);
+    /* Count the frames, allocate room, and read the frames */
+    enum error_code code = stimulus_pass(reader, stimulus, error);
+
+    code = code ? code : stimulus_check_count(reader, stimulus, error);
+    for (size_t b = 0; !code && b < reader->rig->nbus; b++) {
+        stimulus->frame[b] = arena_alloc(arena, stimulus->count[b] + 1, sizeof *stimulus->frame[b]);
+        if (!stimulus->frame[b]) {
+            return error_set(error, ERROR_MEMORY, "no memory left for the frames to play");
+        }
+    }
+    code = code ? code : stimulus_pass(reader, stimulus, error);
+    return code ? code : stimulus_check_count(reader, stimulus, error);
 }

@@ -179,27 +179,6 @@ static void balance_yield(struct balance *balance, double dt_s)
     }
 }
 
-/* Moves the target of a foot toward the plan. If the foot has landed elsewhere, the target moves
- * with the time constant FOOT_S, because a jump would press the legs against each other. */
-static void balance_target_foot(struct balance *balance, int side, double dt_s)
-{
-    const struct gait_reference *plan = &balance->gait.now;
-    const struct gait_foothold *to = &plan->foot[side];
-    struct gait_foothold *foot = &balance->leg[side].foot;
-    bool swings = plan->phase == GAIT_SWING && plan->stance != side;
-    bool lands = swings && balance->gait.landed;
-    double share = swings && !lands ? dt_s / SWING_S : dt_s / FOOT_S;
-    double up = swings ? plan->height_m : 0;
-
-    for (int k = 0; k < 2; k++) {
-        foot->p[k] += fmin(share, 1) * (to->p[k] - foot->p[k]);
-    }
-    foot->p[2] += (lands ? dt_s / STOP_S : fmin(share, 1)) * (to->p[2] + up - foot->p[2]);
-    foot->yaw += fmin(share, 1) * (to->yaw - foot->yaw);
-    foot->roll += fmin(share, 1) * (to->roll - foot->roll);
-    foot->pitch += fmin(share, 1) * (to->pitch - foot->pitch);
-}
-
 /* ---- the joints ---- */
 
 /* Computes the joint angles of a leg from the poses of pelvis and sole in the world. Returns false
@@ -247,7 +226,23 @@ static void balance_pose_legs(struct balance *balance, double dt_s)
     mat3_from_rpy(rpy, upright);
     balance_com_offset(balance, upright, offset);
     for (int i = 0; i < BODY_SIDES; i++) {
-        balance_target_foot(balance, i, dt_s);
+        const struct gait_foothold *to = &plan->foot[i];
+        struct gait_foothold *foot = &balance->leg[i].foot;
+        bool swings = plan->phase == GAIT_SWING && plan->stance != i;
+        bool lands = swings && balance->gait.landed;
+        double share = swings && !lands ? dt_s / SWING_S : dt_s / FOOT_S;
+        double up = swings ? plan->height_m : 0;
+
+        /* Move the target of a foot toward the plan. If the foot has landed elsewhere, the
+         * target moves with the time constant FOOT_S, because a jump would press the legs
+         * against each other. */
+        for (int k = 0; k < 2; k++) {
+            foot->p[k] += fmin(share, 1) * (to->p[k] - foot->p[k]);
+        }
+        foot->p[2] += (lands ? dt_s / STOP_S : fmin(share, 1)) * (to->p[2] + up - foot->p[2]);
+        foot->yaw += fmin(share, 1) * (to->yaw - foot->yaw);
+        foot->roll += fmin(share, 1) * (to->roll - foot->roll);
+        foot->pitch += fmin(share, 1) * (to->pitch - foot->pitch);
         ground += 0.5 * plan->foot[i].p[2];
     }
     /* Wrap the error of the heading to -pi to pi */

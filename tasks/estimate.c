@@ -296,28 +296,6 @@ static void estimate_center_of_mass(struct estimator *estimator, double l, doubl
     }
 }
 
-/* Computes the zero-moment point of both feet: the mean of the centers of pressure, weighted by the
- * loads. Keeps the last point while no foot carries load. */
-static void estimate_zmp(struct estimate *now)
-{
-    double sum = 0, at[2] = {0};
-
-    for (int side = 0; side < BODY_SIDES; side++) {
-        const struct estimate_foot *foot = &now->foot[side];
-        double load = foot->loaded ? foot->force_n[2] : 0;
-
-        for (int k = 0; k < 2; k++) {
-            const double *row = foot->sole.R + 3 * k;
-
-            at[k] += load * (foot->sole.p[k] + row[0] * foot->cop_m[0] + row[1] * foot->cop_m[1]);
-        }
-        sum += load;
-    }
-    for (int k = 0; k < 2 && sum > 0; k++) {
-        now->zmp_m[k] = at[k] / sum;
-    }
-}
-
 /* ---- complete estimate ---- */
 
 /* Computes the poses of all links from the encoders, then the state of both feet. */
@@ -374,7 +352,24 @@ void estimator_update(struct estimator *estimator, bool walks, double speed_m_s,
     estimate_place(estimator);
     estimate_odometry(estimator);
     estimate_center_of_mass(estimator, l, dt_s);
-    estimate_zmp(&estimator->now);
+    /* Computes the zero-moment point of both feet: the mean of the centers of pressure, weighted
+     * by the loads. Keeps the last point while no foot carries load. */
+    double sum = 0, at[2] = {0};
+
+    for (int side = 0; side < BODY_SIDES; side++) {
+        const struct estimate_foot *foot = &estimator->now.foot[side];
+        double load = foot->loaded ? foot->force_n[2] : 0;
+
+        for (int k = 0; k < 2; k++) {
+            const double *row = foot->sole.R + 3 * k;
+
+            at[k] += load * (foot->sole.p[k] + row[0] * foot->cop_m[0] + row[1] * foot->cop_m[1]);
+        }
+        sum += load;
+    }
+    for (int k = 0; k < 2 && sum > 0; k++) {
+        estimator->now.zmp_m[k] = at[k] / sum;
+    }
 }
 
 const struct estimate *estimator_read(const struct estimator *estimator)

@@ -14,7 +14,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 enum excite_setting {
     EXCITE_AMPLITUDE_V,

@@ -7,7 +7,6 @@
 #include "boards/icub/protocol.h"
 
 #include <math.h>
-#include <string.h>
 
 void host_read_values(struct host *host, double *to, int64_t *time_ns, const uint8_t *data,
                       int count, double worth)
@@ -156,25 +155,6 @@ static void host_strain_read_forces(struct host *host, struct host_node *node,
     }
 }
 
-static void host_strain_read(struct host *host, struct host_node *node,
-                             const struct bus_frame *frame)
-{
-    const uint8_t *data = frame->data;
-    bool answer = frame->id >> 8 == ICUB_POLLING_ANALOG && (frame->id & 0xf) == ICUB_HOST;
-
-    if (answer && frame->len == 8 && data[0] == ICUB_STRAIN_GET_FIRMWARE) {
-        node->answered = node->requested;
-    } else if (answer && frame->len == 4 && data[0] == ICUB_STRAIN_GET_FULL_SCALE &&
-               (data[1] & 0xf) < HOST_CHANNELS) {
-        node->full_scale[data[1] & 0xf] = get_u16_be(data + 2);
-        node->answered = node->requested;
-    } else if (node->kind == HOST_INERTIAL_BOARD) {
-        host_inertial_read(host, frame);
-    } else if (frame->id >> 8 == ICUB_PERIODIC_ANALOG) {
-        host_strain_read_forces(host, node, frame);
-    }
-}
-
 /* Makes a start-up request. In order: firmware version, full scale of each force channel, the rig's
  * period if given, and the transmit command. */
 static bool host_strain_request(const struct host_node *node, unsigned address, int number,
@@ -213,28 +193,6 @@ static bool host_strain_request(const struct host_node *node, unsigned address, 
 static const int64_t TARGET_PERIOD_NS = 1000000;
 
 /* ---- receiving ---- */
-
-/* Reads a periodic frame of a 2FOC board: current and rotor angle, or faults and mode. Computes the
- * link's angle from the measured torque and the spring. */
-static void host_foc_read_periodic(struct host *host, const struct host_node *node,
-                                   const struct bus_frame *frame)
-{
-    const struct host_drive *drive = &host->config.axis[node->axis[0]].drive;
-    struct host_joint *joint = &host->joint[node->axis[0]];
-
-    if ((frame->id & 0xf) == FOC_FEEDBACK && frame->len == FOC_FEEDBACK_LENGTH) {
-        joint->current_a = get_i16_le(frame->data) * 1e-3;
-        joint->motor_rad =
-            get_i32_le(frame->data + 4) * (2 * M_PI / FOC_ICUBDEG_PER_REV) / drive->gear;
-        joint->joint_rad = drive->valve
-                               ? joint->motor_rad
-                               : joint->motor_rad - joint->torque_nm / drive->spring_nm_rad;
-        joint->motor_time_ns = joint->joint_time_ns = host->now_ns;
-    } else if ((frame->id & 0xf) == FOC_STATUS && frame->len == FOC_STATUS_LENGTH) {
-        joint->fault = get_u32_le(frame->data + 4);
-        joint->motor = host_motor_of_mode(frame->data[0]);
-    }
-}
 
 /* ---- sending ---- */
 
@@ -386,9 +344,38 @@ static void host_icub_read_frame(struct host *host, size_t bus, const struct bus
         return;
     }
     if (node->kind != HOST_MOTOR_BOARD) {
-        host_strain_read(host, node, frame);
+        const uint8_t *data = frame->data;
+        bool answer = frame->id >> 8 == ICUB_POLLING_ANALOG && (frame->id & 0xf) == ICUB_HOST;
+
+        if (answer && frame->len == 8 && data[0] == ICUB_STRAIN_GET_FIRMWARE) {
+            node->answered = node->requested;
+        } else if (answer && frame->len == 4 && data[0] == ICUB_STRAIN_GET_FULL_SCALE &&
+                   (data[1] & 0xf) < HOST_CHANNELS) {
+            node->full_scale[data[1] & 0xf] = get_u16_be(data + 2);
+            node->answered = node->requested;
+        } else if (node->kind == HOST_INERTIAL_BOARD) {
+            host_inertial_read(host, frame);
+        } else if (frame->id >> 8 == ICUB_PERIODIC_ANALOG) {
+            host_strain_read_forces(host, node, frame);
+        }
     } else if (cls == ICUB_PERIODIC_MOTOR && host->line[bus].ops == &host_foc) {
-        host_foc_read_periodic(host, node, frame);
+        const struct host_drive *drive = &host->config.axis[node->axis[0]].drive;
+        struct host_joint *joint = &host->joint[node->axis[0]];
+
+        /* Read a periodic frame of a 2FOC board: current and rotor angle, or faults and mode.
+         * Compute the link's angle from the measured torque and the spring. */
+        if ((frame->id & 0xf) == FOC_FEEDBACK && frame->len == FOC_FEEDBACK_LENGTH) {
+            joint->current_a = get_i16_le(frame->data) * 1e-3;
+            joint->motor_rad =
+                get_i32_le(frame->data + 4) * (2 * M_PI / FOC_ICUBDEG_PER_REV) / drive->gear;
+            joint->joint_rad = drive->valve
+                                   ? joint->motor_rad
+                                   : joint->motor_rad - joint->torque_nm / drive->spring_nm_rad;
+            joint->motor_time_ns = joint->joint_time_ns = host->now_ns;
+        } else if ((frame->id & 0xf) == FOC_STATUS && frame->len == FOC_STATUS_LENGTH) {
+            joint->fault = get_u32_le(frame->data + 4);
+            joint->motor = host_motor_of_mode(frame->data[0]);
+        }
     } else if (cls == ICUB_PERIODIC_MOTOR) {
         host_icub_read_periodic(host, node, frame);
     } else if (cls == ICUB_POLLING_MOTOR && (frame->id & 0xf) == ICUB_HOST && frame->len == 8 &&

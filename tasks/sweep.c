@@ -16,7 +16,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 enum sweep_setting {
     SWEEP_AMPLITUDE_V,
@@ -176,32 +175,6 @@ static void sweep_measure(struct task *task, double t_s)
     }
 }
 
-/* Computes the responses of the point that has ended. */
-static void sweep_end_point(struct sweep *sweep)
-{
-    struct sweep_point *point = &sweep->point[sweep->npoint++];
-    struct sine input, output;
-    double square;
-
-    sine_fit_solve(&sweep->input, &input);
-    square = input.cosine * input.cosine + input.sine * input.sine;
-    point->frequency_hz = sweep->now.hz;
-    point->by_angle = sweep->now.radians > 0;
-    point->input = sqrt(square);
-    for (int k = 0; k < SWEEP_RESPONSES; k++) {
-        double re, im;
-
-        sine_fit_solve(&sweep->output[k], &output);
-        re = output.cosine * input.cosine + output.sine * input.sine;
-        im = output.cosine * input.sine - output.sine * input.cosine;
-        point->response[k] = (struct sweep_response){
-            .magnitude = square > 0 ? sqrt(re * re + im * im) / square : 0,
-            .phase_rad = portable_atan2(im, re),
-            .coherence = square > 0 ? output.coherence : 0,
-        };
-    }
-}
-
 /* Writes the final message, with the frequency of the largest torque response. */
 static void sweep_tell_end(struct task *task)
 {
@@ -241,7 +214,28 @@ static enum task_status sweep_step(struct task *task, double t_s)
     /* At the end of a point, evaluate it, then begin the next point or end the task */
     if (t_s >= sweep->now.end_s) {
         if (sweep->now.hz > 0) {
-            sweep_end_point(sweep);
+            struct sweep_point *point = &sweep->point[sweep->npoint++];
+            struct sine input, output;
+            double square;
+
+            /* Compute the responses of the point that has ended */
+            sine_fit_solve(&sweep->input, &input);
+            square = input.cosine * input.cosine + input.sine * input.sine;
+            point->frequency_hz = sweep->now.hz;
+            point->by_angle = sweep->now.radians > 0;
+            point->input = sqrt(square);
+            for (int k = 0; k < SWEEP_RESPONSES; k++) {
+                double re, im;
+
+                sine_fit_solve(&sweep->output[k], &output);
+                re = output.cosine * input.cosine + output.sine * input.sine;
+                im = output.cosine * input.sine - output.sine * input.cosine;
+                point->response[k] = (struct sweep_response){
+                    .magnitude = square > 0 ? sqrt(re * re + im * im) / square : 0,
+                    .phase_rad = portable_atan2(im, re),
+                    .coherence = square > 0 ? output.coherence : 0,
+                };
+            }
         }
         if (sweep->npoint > 0 && (double)sweep->npoint >= task->value[SWEEP_POINTS]) {
             sweep_tell_end(task);

@@ -6,7 +6,6 @@
 #include "base/text.h"
 
 #include <math.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -73,32 +72,6 @@ static enum error_code trajectory_find_joint(struct reader *reader, size_t colum
 
 /* ---- the rows ---- */
 
-/* Checks that times increase and angles are within their limits. */
-static enum error_code trajectory_check_row(const struct reader *reader, const double *row,
-                                            struct error *error)
-{
-    const struct csv *csv = reader->csv;
-
-    if (reader->count > 0 && !(row[0] > row[-(ptrdiff_t)csv->ncolumn])) {
-        return error_set(error, ERROR_INPUT,
-                         "%s:%ld: column 1 (time_s): found %.9g, expected more than %.9g of the "
-                         "row before",
-                         csv->path, csv->line, row[0], row[-(ptrdiff_t)csv->ncolumn]);
-    }
-    for (size_t column = 1; column < csv->ncolumn; column++) {
-        const struct trajectory_limit *limit = &reader->limit[reader->joint[column]];
-
-        if (!(row[column] >= limit->lower_rad && row[column] <= limit->upper_rad)) {
-            return error_set(error, ERROR_INPUT,
-                             "%s:%ld: column %zu (%s): found %.6g rad, expected %.6g to %.6g rad, "
-                             "the joint's limits",
-                             csv->path, csv->line, column + 1, csv->title[column], row[column],
-                             limit->lower_rad, limit->upper_rad);
-        }
-    }
-    return ERROR_NONE;
-}
-
 /* Reads all rows, converts angles to radians, and checks each row. */
 static enum error_code trajectory_read_rows(struct reader *reader, struct error *error)
 {
@@ -137,9 +110,25 @@ static enum error_code trajectory_read_rows(struct reader *reader, struct error 
         for (size_t column = 1; column < csv->ncolumn; column++) {
             row[column] = csv->cell[column] * reader->unit[column];
         }
-        code = trajectory_check_row(reader, row, error);
-        if (code) {
-            return code;
+        /* Check that times increase and angles are within their limits */
+        if (reader->count > 0 && !(row[0] > row[-(ptrdiff_t)csv->ncolumn])) {
+            return error_set(
+                error, ERROR_INPUT,
+                "%s:%ld: column 1 (time_s): found %.9g, expected more than %.9g of the "
+                "row before",
+                csv->path, csv->line, row[0], row[-(ptrdiff_t)csv->ncolumn]);
+        }
+        for (size_t column = 1; column < csv->ncolumn; column++) {
+            const struct trajectory_limit *limit = &reader->limit[reader->joint[column]];
+
+            if (!(row[column] >= limit->lower_rad && row[column] <= limit->upper_rad)) {
+                return error_set(
+                    error, ERROR_INPUT,
+                    "%s:%ld: column %zu (%s): found %.6g rad, expected %.6g to %.6g rad, "
+                    "the joint's limits",
+                    csv->path, csv->line, column + 1, csv->title[column], row[column],
+                    limit->lower_rad, limit->upper_rad);
+            }
         }
         reader->count++;
     }

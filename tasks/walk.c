@@ -63,31 +63,6 @@ static struct task_setting walk_rate(const char *name, const char *unit, double 
     return (struct task_setting){name, unit, fmin(least, asked), fmax(most, asked), false, asked};
 }
 
-/* Makes the settings with their ranges and the rig's values. */
-static enum error_code walk_make_settings(struct task *task, struct arena *arena,
-                                          struct error *error)
-{
-    const struct walk_config *config = task->config.walk;
-    const struct gait_config *gait = &config->balance.gait;
-    const char *const *name = walk_setting_name;
-    double step_s = gait->swing_s + gait->transfer_s;
-    const struct task_setting setting[WALK_SETTINGS] = {
-        [WALK_ON] = {name[WALK_ON], "", 0, 1, true, 1},
-        [WALK_FORWARD] = walk_rate(name[WALK_FORWARD], "m/s", -gait->reach_back_m / step_s,
-                                   gait->reach_ahead_m / step_s, config->forward_m_s),
-        [WALK_LEFT] = walk_rate(name[WALK_LEFT], "m/s", -gait->reach_out_m / step_s,
-                                gait->reach_out_m / step_s, config->left_m_s),
-        [WALK_TURN] = walk_rate(name[WALK_TURN], "rad/s", -TURN_MOST_RAD_S, TURN_MOST_RAD_S,
-                                config->turn_rad_s),
-        [WALK_HEADING] = {name[WALK_HEADING], "rad", -1e3, 1e3, false, 0},
-        [WALK_STEP_TIME] = {name[WALK_STEP_TIME], "s", step_s / 2, step_s * 2, false, step_s},
-        [WALK_STEP_LENGTH] = {name[WALK_STEP_LENGTH], "m", -gait->reach_back_m, gait->reach_ahead_m,
-                              false, config->forward_m_s * step_s},
-    };
-
-    return task_make_settings(task, setting, WALK_SETTINGS, arena, error);
-}
-
 /* Keeps related settings consistent. A step length sets the speed. Speed and duration set the step
  * length. A heading replaces a turn rate, and a turn rate replaces a heading. */
 static void walk_changed(struct task *task, size_t index)
@@ -120,7 +95,26 @@ static enum error_code walk_create(struct task *task, struct arena *arena, struc
     }
     task->state = walk;
     if (task->ops == &task_walk) {
-        code = walk_make_settings(task, arena, error);
+        const struct walk_config *config = task->config.walk;
+        const struct gait_config *gait = &config->balance.gait;
+        const char *const *name = walk_setting_name;
+        double step_s = gait->swing_s + gait->transfer_s;
+        const struct task_setting setting[WALK_SETTINGS] = {
+            [WALK_ON] = {name[WALK_ON], "", 0, 1, true, 1},
+            [WALK_FORWARD] = walk_rate(name[WALK_FORWARD], "m/s", -gait->reach_back_m / step_s,
+                                       gait->reach_ahead_m / step_s, config->forward_m_s),
+            [WALK_LEFT] = walk_rate(name[WALK_LEFT], "m/s", -gait->reach_out_m / step_s,
+                                    gait->reach_out_m / step_s, config->left_m_s),
+            [WALK_TURN] = walk_rate(name[WALK_TURN], "rad/s", -TURN_MOST_RAD_S, TURN_MOST_RAD_S,
+                                    config->turn_rad_s),
+            [WALK_HEADING] = {name[WALK_HEADING], "rad", -1e3, 1e3, false, 0},
+            [WALK_STEP_TIME] = {name[WALK_STEP_TIME], "s", step_s / 2, step_s * 2, false, step_s},
+            [WALK_STEP_LENGTH] = {name[WALK_STEP_LENGTH], "m", -gait->reach_back_m,
+                                  gait->reach_ahead_m, false, config->forward_m_s * step_s},
+        };
+
+        /* Make the settings with their ranges and the rig's values */
+        code = task_make_settings(task, setting, WALK_SETTINGS, arena, error);
         walk->value = task->value;
         if (code) {
             return code;
@@ -159,30 +153,6 @@ static double walk_turn(struct walk *walk, const struct gait *gait)
         (holds ? walk->value[WALK_HEADING] : walk->kept_rad) - gait->now.foot[gait->now.stance].yaw;
     rate = off / (HEADING_STEPS * walk->value[WALK_STEP_TIME]);
     return fmin(fmax(rate, -HEADING_RAD_S), HEADING_RAD_S);
-}
-
-/* Updates the command of this period: two steps in place, then an acceleration. The speed is
- * limited so that no step exceeds the reach of the legs. */
-static void walk_command(struct walk *walk, const struct walk_config *config, double dt)
-{
-    const struct gait *gait = balance_gait(walk->balance);
-    const struct gait_config *reach = &config->balance.gait;
-    struct gait_command *command = &walk->command;
-    double step_s = walk->value[WALK_STEP_TIME], ahead = reach->reach_ahead_m / step_s;
-    double back = reach->reach_back_m / step_s, out = reach->reach_out_m / step_s;
-    double forward = fmin(fmax(walk->value[WALK_FORWARD], -back), ahead);
-    double left = fmin(fmax(walk->value[WALK_LEFT], -out), out);
-
-    if (!command->step) {
-        return;
-    }
-    command->step_s = step_s;
-    if (gait->steps - walk->from_steps >= 2) {
-        command->forward_m_s = walk_approach(command->forward_m_s, forward, SPEED_UP_M_S2 * dt);
-        command->left_m_s = walk_approach(command->left_m_s, left, SPEED_UP_M_S2 * dt);
-        command->turn_rad_s =
-            walk_approach(command->turn_rad_s, walk_turn(walk, gait), TURN_UP_RAD_S2 * dt);
-    }
 }
 
 /* Begins and ends stepping: at the user's setting, or when the walk of the rig is complete. */
@@ -233,7 +203,25 @@ static enum task_status walk_step(struct task *task, double t_s)
     walk->last_s = t_s;
     if (task->ops == &task_walk) {
         walk_begin_or_halt(task, t_s);
-        walk_command(walk, task->config.walk, dt);
+        /* Update the command of this period: two steps in place, then an acceleration. The
+         * speed is limited so that no step exceeds the reach of the legs. */
+        const struct gait_config *reach = &task->config.walk->balance.gait;
+        struct gait_command *command = &walk->command;
+        double step_s = walk->value[WALK_STEP_TIME], ahead = reach->reach_ahead_m / step_s;
+        double back = reach->reach_back_m / step_s, out = reach->reach_out_m / step_s;
+        double forward = fmin(fmax(walk->value[WALK_FORWARD], -back), ahead);
+        double left = fmin(fmax(walk->value[WALK_LEFT], -out), out);
+
+        if (command->step) {
+            command->step_s = step_s;
+            if (gait->steps - walk->from_steps >= 2) {
+                command->forward_m_s =
+                    walk_approach(command->forward_m_s, forward, SPEED_UP_M_S2 * dt);
+                command->left_m_s = walk_approach(command->left_m_s, left, SPEED_UP_M_S2 * dt);
+                command->turn_rad_s =
+                    walk_approach(command->turn_rad_s, walk_turn(walk, gait), TURN_UP_RAD_S2 * dt);
+            }
+        }
     }
     balance_update(walk->balance, &walk->command, dt);
     if (fabs(estimate->pitch_rad) > FALLEN_RAD || fabs(estimate->roll_rad) > FALLEN_RAD) {

@@ -221,25 +221,6 @@ static void client_take_frames(struct viewer *viewer, struct viewer_client *clie
     }
 }
 
-/* Parses the HTTP request in the inbox and answers it. */
-static void client_take_request(struct viewer *viewer, struct viewer_client *client)
-{
-    struct http_request request;
-    size_t used;
-    int status = http_request_parse((const char *)client->inbox, client->received, &request, &used);
-
-    if (status == 0) {
-        return;
-    }
-    if (status == 200) {
-        client->received -= used;
-        memmove(client->inbox, client->inbox + used, client->received);
-    } else {
-        viewer->counters.cut_junk++;
-    }
-    viewer_respond(viewer, client, status, &request);
-}
-
 void client_read(struct viewer *viewer, struct viewer_client *client)
 {
     ssize_t count = recv(client->socket, client->inbox + client->received,
@@ -254,7 +235,21 @@ void client_read(struct viewer *viewer, struct viewer_client *client)
         client->received = 0;
     }
     if (client->mode == CLIENT_HTTP) {
-        client_take_request(viewer, client);
+        struct http_request request;
+        size_t used;
+        int status =
+            http_request_parse((const char *)client->inbox, client->received, &request, &used);
+
+        /* Parse the HTTP request in the inbox and answer it */
+        if (status != 0) {
+            if (status == 200) {
+                client->received -= used;
+                memmove(client->inbox, client->inbox + used, client->received);
+            } else {
+                viewer->counters.cut_junk++;
+            }
+            viewer_respond(viewer, client, status, &request);
+        }
     }
     if (client->mode == CLIENT_SOCKET) {
         client_take_frames(viewer, client);

@@ -76,15 +76,6 @@ static struct history_block *history_block(const struct history *history, uint64
     return &history->block[number % HISTORY_BLOCKS];
 }
 
-/* Frees a column; its values then read as NAN. */
-static void history_drop_column(struct history *history, struct history_column *column)
-{
-    if (column->slot >= 0) {
-        history->spare[history->nspare++] = column->slot;
-    }
-    column->slot = COLUMN_DROPPED;
-}
-
 /* Frees the columns of a block. Columns of chosen signals are kept unless chosen_too. The open
  * block has no columns in the pool. */
 static void history_drop_block(struct history *history, uint64_t number, bool chosen_too)
@@ -96,7 +87,11 @@ static void history_drop_block(struct history *history, uint64_t number, bool ch
     }
     for (size_t s = 0; s < history->nsignal; s++) {
         if (chosen_too || !history->is_chosen[s]) {
-            history_drop_column(history, &block->column[s]);
+            /* Free a column; its values then read as NAN */
+            if (block->column[s].slot >= 0) {
+                history->spare[history->nspare++] = block->column[s].slot;
+            }
+            block->column[s].slot = COLUMN_DROPPED;
         }
     }
 }
@@ -151,20 +146,6 @@ static void history_close_block(struct history *history)
     }
 }
 
-/* Opens the next block; drops the oldest block if there are HISTORY_BLOCKS. */
-static void history_open_block(struct history *history)
-{
-    uint64_t first = history_end(history);
-
-    if (history->next - history->oldest == HISTORY_BLOCKS) {
-        history_drop_oldest(history);
-    }
-    *history_block(history, history->next) = (struct history_block){
-        .first = first, .column = history_block(history, history->next)->column};
-    history->next++;
-    history->open = true;
-}
-
 /* ---- rows ---- */
 
 /* Returns the index of a block's first row at or after a time. */
@@ -213,7 +194,16 @@ void history_put(struct history *history, int64_t time_ns, const double *value)
         }
     }
     if (!history->open) {
-        history_open_block(history);
+        uint64_t first = history_end(history);
+
+        /* Open the next block; drop the oldest block if there are HISTORY_BLOCKS */
+        if (history->next - history->oldest == HISTORY_BLOCKS) {
+            history_drop_oldest(history);
+        }
+        *history_block(history, history->next) = (struct history_block){
+            .first = first, .column = history_block(history, history->next)->column};
+        history->next++;
+        history->open = true;
     }
     block = history_block(history, history->next - 1);
     block->time_ns[block->count] = time_ns;

@@ -170,24 +170,6 @@ static bool watch_add_signals(const struct viewer *viewer, const char *pattern,
     return watch->nsignal > before;
 }
 
-/* Sets the first row to send to a client. It is the next new row, or, if the client already watched
- * these signals, the first row that it has not received. */
-static void client_begin_rows(struct viewer *viewer, struct viewer_client *client,
-                              const struct viewer_watch *watch)
-{
-    if (!viewer->history || !watch->rows) {
-        return;
-    }
-    if (!client->watch.rows || client->watch.nsignal == 0) {
-        viewer_take_rows(viewer); /* rows in the stream are older than the request */
-        client->row = history_end(viewer->history);
-        client->rows_lost = viewer->rows_lost;
-    }
-    for (size_t i = watch->nsignal; i > 0; i--) {
-        history_choose(viewer->history, watch->signal[i - 1]);
-    }
-}
-
 /* Returns the time of the last row before the client's next one; null = none. */
 static json_t *client_rows_begin(const struct viewer *viewer, const struct viewer_client *client)
 {
@@ -223,7 +205,18 @@ static void client_watch(struct viewer *viewer, struct viewer_client *client,
     for (size_t i = 0; i < watch.nsignal; i++) {
         json_array_append_new(chosen, control_text(name[watch.signal[i]]));
     }
-    client_begin_rows(viewer, client, &watch);
+    /* Set the first row to send to a client. It is the next new row, or, if the client already
+     * watched these signals, the first row that it has not received. */
+    if (viewer->history && watch.rows) {
+        if (!client->watch.rows || client->watch.nsignal == 0) {
+            viewer_take_rows(viewer); /* rows in the stream are older than the request */
+            client->row = history_end(viewer->history);
+            client->rows_lost = viewer->rows_lost;
+        }
+        for (size_t i = watch.nsignal; i > 0; i--) {
+            history_choose(viewer->history, watch.signal[i - 1]);
+        }
+    }
     client->watch = watch;
     client->traced = client->ntraced = client->trace_lost = 0;
     client->playback.traced_ns = INT64_MIN;
@@ -287,19 +280,6 @@ static void client_play(struct viewer *viewer, struct viewer_client *client,
 
 /* ---- any message ---- */
 
-/* Passes a request to the control socket; connects first if needed. */
-static void client_control(struct viewer *viewer, struct viewer_client *client,
-                           const struct viewer_message *message, const char *text, size_t size)
-{
-    if (client->control < 0 && !control_link_open(viewer, client)) {
-        client_refuse(viewer, client, message, "unavailable",
-                      "this run has no control socket: start it without --control none");
-    } else if (!control_link_send(client, text, size)) {
-        control_link_close(client);
-        client_refuse(viewer, client, message, "busy", "the control socket takes nothing");
-    }
-}
-
 /* Executes a valid message of a client with a token. */
 static void client_carry_out(struct viewer *viewer, struct viewer_client *client,
                              struct viewer_message *message, const char *text, size_t size)
@@ -327,7 +307,14 @@ static void client_carry_out(struct viewer *viewer, struct viewer_client *client
         client_play(viewer, client, message);
         break;
     case VIEWER_CONTROL:
-        client_control(viewer, client, message, text, size);
+        /* Pass a request to the control socket; connect first if needed */
+        if (client->control < 0 && !control_link_open(viewer, client)) {
+            client_refuse(viewer, client, message, "unavailable",
+                          "this run has no control socket: start it without --control none");
+        } else if (!control_link_send(client, text, size)) {
+            control_link_close(client);
+            client_refuse(viewer, client, message, "busy", "the control socket takes nothing");
+        }
         break;
     case VIEWER_ENTER:
         client_refuse(viewer, client, message, "input", "enter: the token was given before");

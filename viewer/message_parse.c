@@ -83,25 +83,6 @@ static enum error_code message_make_frame(struct viewer_message *message, struct
                            "29 when extended, and classic frames 8 bytes");
 }
 
-/* Parses a request for the control socket with the socket's parser. */
-static enum error_code message_read_control(const char *text, size_t size,
-                                            struct viewer_message *message, struct error *error)
-{
-    struct control_request request;
-    enum error_code code = control_parse(text, size, 1, &request, error);
-
-    /* Clients without the right to control can send commands that only read */
-    message->harmless =
-        !code && (request.command == CONTROL_HELLO || request.command == CONTROL_STATUS ||
-                  request.command == CONTROL_STATISTICS || request.command == CONTROL_LIST ||
-                  request.command == CONTROL_GET);
-    message->control = request.command;
-    message->value = request.value;
-    message->count = request.count;
-    control_request_clear(&request);
-    return code;
-}
-
 enum error_code viewer_message_parse(const char *text, size_t size, struct viewer_message *message,
                                      struct error *error)
 {
@@ -120,7 +101,20 @@ enum error_code viewer_message_parse(const char *text, size_t size, struct viewe
     }
     command = request_find_command(&messages, message->root);
     if (command < 0) {
-        return message_read_control(text, size, message, error);
+        struct control_request request;
+
+        /* Parse a request for the control socket with the socket's parser */
+        code = control_parse(text, size, 1, &request, error);
+        /* Clients without the right to control can send commands that only read */
+        message->harmless =
+            !code && (request.command == CONTROL_HELLO || request.command == CONTROL_STATUS ||
+                      request.command == CONTROL_STATISTICS || request.command == CONTROL_LIST ||
+                      request.command == CONTROL_GET);
+        message->control = request.command;
+        message->value = request.value;
+        message->count = request.count;
+        control_request_clear(&request);
+        return code;
     }
     message->command = (enum viewer_command)command;
     code = request_read_keys(&messages, command, message->root, message, error);

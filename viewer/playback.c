@@ -4,10 +4,8 @@
 
 #include "rt/clock.h"
 
-#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 #include <unistd.h>
 
 /* TRACE_SPAN_NS: after a jump, the client gets the frames of this time before the target; for

@@ -77,22 +77,6 @@ static bool series_find_signals(struct viewer *viewer, const json_t *names, stru
     return true;
 }
 
-/* Finds the rows of a recording between two times, plus one row on each side so that curves reach
- * the edges of a plot. */
-static void series_find_recorded(const struct recording *recording,
-                                 const struct viewer_message *message, struct series *series)
-{
-    const struct recorded_table *table = &recording->signals;
-    double from_ns = fmax(message->from_s * 1e9, (double)recording->first_ns);
-    double to_ns = fmin(message->to_s * 1e9, (double)recording->last_ns);
-
-    if (from_ns <= to_ns) {
-        series->first = recorded_table_find(table, (int64_t)from_ns);
-        series->end = recorded_table_find(table, (int64_t)to_ns) + 2;
-        series->end = series->end > table->nrow ? table->nrow : series->end;
-    }
-}
-
 /* Finds the rows of the history in the same way. */
 static void series_find_kept(const struct history *history, const struct viewer_message *message,
                              struct series *series)
@@ -118,16 +102,6 @@ static size_t series_points(const struct series *series)
 static size_t series_bytes(const struct series *series)
 {
     return SERIES_HEADER + series_points(series) * (8 + 4 * series->nsignal);
-}
-
-/* Chooses the group size so that the points fit in one message, and other messages have space. */
-static void series_thin(struct series *series, size_t most)
-{
-    size_t room = VIEWER_OUTBOX / 2 / (8 + 4 * series->nsignal);
-    uint64_t count = series->end - series->first;
-
-    most = most < room ? most : room;
-    series->step = count > most ? (count + most / 2 - 1) / (most / 2) : 1;
 }
 
 /* ---- bytes ---- */
@@ -228,11 +202,28 @@ bool client_send_series(struct viewer *viewer, struct viewer_client *client,
         return false;
     }
     if (viewer->playback) {
-        series_find_recorded(viewer->config.recording, message, &series);
+        const struct recorded_table *table = &viewer->config.recording->signals;
+        double from_ns = fmax(message->from_s * 1e9, (double)viewer->config.recording->first_ns);
+        double to_ns = fmin(message->to_s * 1e9, (double)viewer->config.recording->last_ns);
+
+        /* Find the rows of a recording between two times, plus one row on each side so that
+         * curves reach the edges of a plot */
+        if (from_ns <= to_ns) {
+            series.first = recorded_table_find(table, (int64_t)from_ns);
+            series.end = recorded_table_find(table, (int64_t)to_ns) + 2;
+            series.end = series.end > table->nrow ? table->nrow : series.end;
+        }
     } else {
         series_find_kept(viewer->history, message, &series);
     }
-    series_thin(&series, (size_t)message->points);
+    /* Choose the group size so that the points fit in one message, and other messages have
+     * space */
+    size_t most = (size_t)message->points;
+    size_t room = VIEWER_OUTBOX / 2 / (8 + 4 * series.nsignal);
+    uint64_t count = series.end - series.first;
+
+    most = most < room ? most : room;
+    series.step = count > most ? (count + most / 2 - 1) / (most / 2) : 1;
     if (!client_put_series(viewer, client, &series, (uint32_t)json_integer_value(message->id), 0)) {
         error_set(error, ERROR_SYSTEM, "series: there is no room: take what was sent before");
         return false;

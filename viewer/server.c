@@ -53,24 +53,6 @@ static int viewer_idle_ms(const struct viewer *viewer)
     return wait_ns <= 0 ? 0 : (int)((wait_ns + CLOCK_MS - 1) / CLOCK_MS);
 }
 
-/* Fills the descriptors to poll: orders, listener, then each client and its control socket. */
-static void viewer_prepare_poll(const struct viewer *viewer, struct pollfd fd[POLL_COUNT])
-{
-    fd[0] = (struct pollfd){.fd = viewer->event, .events = POLLIN};
-    fd[1] = (struct pollfd){.fd = viewer->listener, .events = POLLIN};
-    for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
-        const struct viewer_client *client = &viewer->client[i];
-        bool writes = client->socket >= 0 && client_waiting(client) > 0;
-        /* Read from a client only while its outbox has space for answers */
-        bool reads = client->socket >= 0 && client_waiting(client) < VIEWER_OUTBOX / 2;
-
-        fd[POLL_FIXED + 2 * i] = (struct pollfd){
-            .fd = client->socket, .events = (short)((reads ? POLLIN : 0) | (writes ? POLLOUT : 0))};
-        fd[POLL_FIXED + 2 * i + 1] = (struct pollfd){
-            .fd = client->socket >= 0 && reads ? client->control : -1, .events = POLLIN};
-    }
-}
-
 /* Handles the events of a client and of its control socket. */
 static void viewer_serve_client(struct viewer *viewer, struct viewer_client *client, short events,
                                 short control)
@@ -170,7 +152,22 @@ static void *viewer_thread_main(void *context)
         uint64_t orders;
 
         viewer->now_ns = clock_now(clock);
-        viewer_prepare_poll(viewer, fd);
+        /* Fill the descriptors to poll: orders, listener, then each client and its control
+         * socket */
+        fd[0] = (struct pollfd){.fd = viewer->event, .events = POLLIN};
+        fd[1] = (struct pollfd){.fd = viewer->listener, .events = POLLIN};
+        for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
+            const struct viewer_client *client = &viewer->client[i];
+            bool writes = client->socket >= 0 && client_waiting(client) > 0;
+            /* Read from a client only while its outbox has space for answers */
+            bool reads = client->socket >= 0 && client_waiting(client) < VIEWER_OUTBOX / 2;
+
+            fd[POLL_FIXED + 2 * i] =
+                (struct pollfd){.fd = client->socket,
+                                .events = (short)((reads ? POLLIN : 0) | (writes ? POLLOUT : 0))};
+            fd[POLL_FIXED + 2 * i + 1] = (struct pollfd){
+                .fd = client->socket >= 0 && reads ? client->control : -1, .events = POLLIN};
+        }
         if (poll(fd, POLL_COUNT, viewer_idle_ms(viewer)) < 0) {
             memset(fd, 0, sizeof fd); /* a signal, or no memory: poll again */
         }
@@ -227,33 +224,6 @@ static bool viewer_set_token(char token[VIEWER_TOKEN], const char *given)
         snprintf(token + 2 * i, 3, "%02x", random[i]);
     }
     return true;
-}
-
-/* Opens the listening socket, and stores the bound address. */
-static enum error_code viewer_listen(struct viewer *viewer, struct error *error)
-{
-    const char *host = viewer->config.host ? viewer->config.host : "127.0.0.1";
-    struct http_bound *bound = &viewer->bound;
-    struct sockaddr_storage address;
-    const struct in6_addr *v6 = &((const struct sockaddr_in6 *)&address)->sin6_addr;
-    enum error_code code =
-        listen_at("page", host, viewer->config.port, &viewer->listener, &address, error);
-
-    if (code) {
-        return code;
-    }
-    snprintf(bound->host, sizeof bound->host, "%s", host);
-    bound->port = listen_port(&address);
-    if (address.ss_family == AF_INET) {
-        const in_addr_t v4 = ntohl(((const struct sockaddr_in *)&address)->sin_addr.s_addr);
-
-        bound->loopback = v4 >> 24 == IN_LOOPBACKNET;
-        bound->any = v4 == INADDR_ANY;
-    } else {
-        bound->loopback = IN6_IS_ADDR_LOOPBACK(v6);
-        bound->any = IN6_IS_ADDR_UNSPECIFIED(v6);
-    }
-    return ERROR_NONE;
 }
 
 /* Formats the page's addresses, with the loopback address if the server listens on all. */
@@ -349,9 +319,26 @@ static enum error_code viewer_open(struct viewer *viewer, struct error *error)
         return error_set(error, ERROR_MEMORY, "page: no memory for the description of the rig");
     }
     viewer->hello_size = strlen(viewer->hello);
-    code = viewer_listen(viewer, error);
+    /* Open the listening socket, and store the bound address */
+    const char *host = viewer->config.host ? viewer->config.host : "127.0.0.1";
+    struct http_bound *bound = &viewer->bound;
+    struct sockaddr_storage address;
+    const struct in6_addr *v6 = &((const struct sockaddr_in6 *)&address)->sin6_addr;
+
+    code = listen_at("page", host, viewer->config.port, &viewer->listener, &address, error);
     if (code) {
         return code;
+    }
+    snprintf(bound->host, sizeof bound->host, "%s", host);
+    bound->port = listen_port(&address);
+    if (address.ss_family == AF_INET) {
+        const in_addr_t v4 = ntohl(((const struct sockaddr_in *)&address)->sin_addr.s_addr);
+
+        bound->loopback = v4 >> 24 == IN_LOOPBACKNET;
+        bound->any = v4 == INADDR_ANY;
+    } else {
+        bound->loopback = IN6_IS_ADDR_LOOPBACK(v6);
+        bound->any = IN6_IS_ADDR_UNSPECIFIED(v6);
     }
     viewer_make_addresses(viewer);
     viewer->event = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);

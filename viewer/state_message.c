@@ -309,24 +309,6 @@ static void put_state_header(const struct viewer *viewer, const struct viewer_cl
     put_u32(to, 0); /* number of the client's signals, set in client_send_state */
 }
 
-/* Writes the part of a state that all clients share; for a recording, it is made for one client.
- * Returns the size. */
-static size_t viewer_make_state(struct viewer *viewer, const struct viewer_client *client)
-{
-    size_t nfault = viewer->playback ? 0 : faults_count(simulator_faults(viewer->config.simulator));
-    uint8_t *to = viewer->state + STATE_HEADER;
-    uint16_t ncontact;
-
-    to = put_bodies(viewer, to);
-    to = put_joints(viewer, to);
-    to = put_contacts(viewer, to, &ncontact);
-    to = put_buses(viewer, to);
-    to = put_boards(viewer, to);
-    to = put_faults(viewer, to, nfault);
-    put_state_header(viewer, client, viewer->state, ncontact, nfault);
-    return (size_t)(to - viewer->state);
-}
-
 /* Appends the client's own part (skipped states, chosen signals) and sends the state. */
 static void client_send_state(struct viewer *viewer, struct viewer_client *client, size_t size)
 {
@@ -424,7 +406,21 @@ void viewer_send_states(struct viewer *viewer)
             viewer_measure(viewer);
         }
         if (viewer->playback || size == 0) {
-            size = viewer_make_state(viewer, client);
+            size_t nfault =
+                viewer->playback ? 0 : faults_count(simulator_faults(viewer->config.simulator));
+            uint8_t *to = viewer->state + STATE_HEADER;
+            uint16_t ncontact;
+
+            /* Write the part of a state that all clients share; for a recording, it is made for
+             * one client. */
+            to = put_bodies(viewer, to);
+            to = put_joints(viewer, to);
+            to = put_contacts(viewer, to, &ncontact);
+            to = put_buses(viewer, to);
+            to = put_boards(viewer, to);
+            to = put_faults(viewer, to, nfault);
+            put_state_header(viewer, client, viewer->state, ncontact, nfault);
+            size = (size_t)(to - viewer->state);
         }
         client_send_events(viewer, client);
         client_send_trace(viewer, client);

@@ -41,30 +41,25 @@ void viewer_trace_frame(struct viewer *viewer, size_t bus, const struct bus_fram
     }
 }
 
-/* Receives frames of a bus, a limited number per turn. */
-static void viewer_hear_bus(struct viewer *viewer, size_t bus)
-{
-    struct can_port *port = viewer->config.ports->port[bus];
-    struct bus_frame frame[BATCH];
-    size_t count = BATCH;
-
-    for (int turn = 0; turn < TURNS && count == BATCH; turn++) {
-        count = can_receive(port, frame, BATCH);
-        for (size_t i = 0; i < count; i++) {
-            /* A frame without a time stamp gets the newest time stamp of its bus */
-            if (frame[i].time_ns == 0) {
-                frame[i].time_ns = viewer->frame_ns[bus];
-            }
-            viewer->frame_ns[bus] = frame[i].time_ns;
-            viewer_trace_frame(viewer, bus, &frame[i], false);
-        }
-    }
-}
-
 void viewer_hear_buses(struct viewer *viewer)
 {
     for (size_t b = 0; viewer->config.ports && b < viewer->rig->nbus; b++) {
-        viewer_hear_bus(viewer, b);
+        struct can_port *port = viewer->config.ports->port[b];
+        struct bus_frame frame[BATCH];
+        size_t count = BATCH;
+
+        /* Receive frames of a bus, a limited number per turn */
+        for (int turn = 0; turn < TURNS && count == BATCH; turn++) {
+            count = can_receive(port, frame, BATCH);
+            for (size_t i = 0; i < count; i++) {
+                /* A frame without a time stamp gets the newest time stamp of its bus */
+                if (frame[i].time_ns == 0) {
+                    frame[i].time_ns = viewer->frame_ns[b];
+                }
+                viewer->frame_ns[b] = frame[i].time_ns;
+                viewer_trace_frame(viewer, b, &frame[i], false);
+            }
+        }
     }
 }
 

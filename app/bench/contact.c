@@ -10,10 +10,8 @@
 #include "contact/mesh/solid_store.h"
 #include "manual/contact.h"
 
-#include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #define ARENA_BYTES ((size_t)2 << 30) /* reserved address space */
 

@@ -14,7 +14,6 @@
 
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #define BATCH_NS 200000.0 /* duration of one measurement, much longer than reading the clock */
 
@@ -79,30 +78,6 @@ static enum error_code create_cell(struct dynamics_bench *bench, size_t e, size_
     cell->repeat = 1;
     cell->repeat = 1 + (size_t)(BATCH_NS / (dynamics_bench_time_cell(peer, cell) * PEER_SLOTS));
     return ERROR_NONE;
-}
-
-/* Computes median and spread of each cell, us, and the least-squares slope over the sizes, us per
- * degree of freedom. */
-static void dynamics_bench_evaluate(struct dynamics_bench *bench)
-{
-    for (size_t e = 0; e < bench->nengine; e++) {
-        double n = (double)bench->nsize, sx = 0.0, sy = 0.0, sxx = 0.0, sxy = 0.0;
-
-        for (size_t s = 0; s < bench->nsize; s++) {
-            struct dynamics_cell *cell = &bench->cell[e][s];
-            double x = (double)bench->robot[s]->nv;
-
-            bench_sort(cell->ns, bench->rounds);
-            cell->median = 1e-3 * cell->ns[bench->rounds / 2];
-            cell->low = 1e-3 * cell->ns[bench->rounds / 10];
-            cell->high = 1e-3 * cell->ns[bench->rounds - 1 - bench->rounds / 10];
-            sx += x;
-            sy += cell->median;
-            sxx += x * x;
-            sxy += x * cell->median;
-        }
-        bench->slope[e] = bench->nsize > 1 ? (n * sxy - sx * sy) / (n * sxx - sx * sx) : 0.0;
-    }
 }
 
 size_t dynamics_bench_reference(const struct dynamics_bench *bench)
@@ -242,7 +217,26 @@ enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *fil
             }
             bench_progress("dynamics", round + 1, bench->rounds);
         }
-        dynamics_bench_evaluate(bench);
+        /* Compute median and spread of each cell, us, and the least-squares slope over the
+         * sizes, us per degree of freedom */
+        for (size_t e = 0; e < bench->nengine; e++) {
+            double n = (double)bench->nsize, sx = 0.0, sy = 0.0, sxx = 0.0, sxy = 0.0;
+
+            for (size_t s = 0; s < bench->nsize; s++) {
+                struct dynamics_cell *cell = &bench->cell[e][s];
+                double x = (double)bench->robot[s]->nv;
+
+                bench_sort(cell->ns, bench->rounds);
+                cell->median = 1e-3 * cell->ns[bench->rounds / 2];
+                cell->low = 1e-3 * cell->ns[bench->rounds / 10];
+                cell->high = 1e-3 * cell->ns[bench->rounds - 1 - bench->rounds / 10];
+                sx += x;
+                sy += cell->median;
+                sxx += x * x;
+                sxy += x * cell->median;
+            }
+            bench->slope[e] = bench->nsize > 1 ? (n * sxy - sx * sy) / (n * sxx - sx * sx) : 0.0;
+        }
     }
     return code;
 }

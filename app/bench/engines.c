@@ -6,11 +6,9 @@
 #include "model/symbolic/symbolic.h"
 
 #include <dirent.h>
-#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #define ARENA_BYTES ((size_t)16 << 20)
 

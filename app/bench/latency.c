@@ -226,18 +226,6 @@ static enum error_code latency_find_boards(const struct latency_boards *boards, 
                                           : "the boards do not answer within 15 s");
 }
 
-/* Waits for two periods plus a fraction of a third period. The fractions are a golden-ratio
- * sequence, so that the commands cover all phases of the boards' period. */
-static void latency_shift(const struct latency_boards *boards, size_t number)
-{
-    static const uint32_t golden = 2654435769u; /* 2^32 / 1.618 */
-    uint32_t part = (uint32_t)number * golden;
-    int64_t until = clock_now(clock_monotonic()) + 2 * boards->period_ns +
-                    (int64_t)((double)boards->period_ns * part / 4294967296.0);
-
-    latency_read_until(boards, (enum host_motor) - 1, until);
-}
-
 /* Takes count samples of each kind, in turn. boards may be NULL. ping receives its own frames
  * (receive_own) and the pongs. A thread with the given priority answers on the port echo. A stop
  * ends the measurement early. Leaves the motor off. */
@@ -260,7 +248,15 @@ static enum error_code latency_measure(const struct latency_boards *boards,
         histogram_add(&result->of[LATENCY_WAKE_UP], clock_now(clock_monotonic()) - at);
         latency_sample_echo(ping, (uint32_t)i, result);
         if (boards) {
-            latency_shift(boards, i);
+            static const uint32_t golden = 2654435769u; /* 2^32 / 1.618 */
+            uint32_t part = (uint32_t)i * golden;
+            int64_t until = clock_now(clock_monotonic()) + 2 * boards->period_ns +
+                            (int64_t)((double)boards->period_ns * part / 4294967296.0);
+
+            /* Wait for two periods plus a fraction of a third period. The fractions are a
+             * golden-ratio sequence, so that the commands cover all phases of the boards'
+             * period. */
+            latency_read_until(boards, (enum host_motor) - 1, until);
             latency_sample_boards(boards, i % 2 == 0, result);
         }
     }
@@ -274,19 +270,6 @@ static enum error_code latency_measure(const struct latency_boards *boards,
 }
 
 /* ---- what was measured ---- */
-
-/* Prints the percentiles of one kind of sample, us. */
-static void latency_print_line(const struct latency_result *result, int kind, FILE *out)
-{
-    static const double part[] = {0.5, 0.9, 0.99, 0.999};
-    const struct histogram *of = &result->of[kind];
-
-    fprintf(out, "  %-10s %8" PRIu64, kind_name[kind], of->count);
-    for (size_t i = 0; i < ARRAY_COUNT(part); i++) {
-        fprintf(out, " %9.1f", 1e-3 * (double)histogram_percentile(of, part[i]));
-    }
-    fprintf(out, " %9.1f %8" PRIu64 "\n", 1e-3 * (double)of->max, result->lost[kind]);
-}
 
 /* Counts the samples in buckets whose upper edge is in (above, upto] ns. */
 static uint64_t latency_count_between(const struct histogram *of, int64_t above, int64_t upto)
@@ -312,7 +295,15 @@ static void latency_print(const struct latency_result *result, const char *joint
             "  us            count       p50       p90       p99     p99.9       max     lost\n");
     for (int kind = 0; kind < LATENCY_KINDS; kind++) {
         if (result->of[kind].count + result->lost[kind] > 0) {
-            latency_print_line(result, kind, out);
+            static const double part[] = {0.5, 0.9, 0.99, 0.999};
+            const struct histogram *of = &result->of[kind];
+
+            /* Print the percentiles of one kind of sample, us */
+            fprintf(out, "  %-10s %8" PRIu64, kind_name[kind], of->count);
+            for (size_t i = 0; i < ARRAY_COUNT(part); i++) {
+                fprintf(out, " %9.1f", 1e-3 * (double)histogram_percentile(of, part[i]));
+            }
+            fprintf(out, " %9.1f %8" PRIu64 "\n", 1e-3 * (double)of->max, result->lost[kind]);
         }
     }
     if (joint) {

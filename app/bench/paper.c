@@ -51,9 +51,23 @@ static void put_choices(struct report *report)
                "it out; no other mass makes both turn as one.");
 }
 
-/* Adds the list of results that are not reproduced, with reasons. */
-static void put_rest(struct report *report)
+/* Measures all parts of the paper, and adds their sections. */
+static enum error_code paper_measure_all(struct paper *paper, struct error *error)
 {
+    struct pendulum_table table;
+    char path[PATH_MAX];
+    enum error_code code;
+
+    /* Find a rig first, so that a missing rig is reported before the pendulums run for minutes */
+    if ((code = config_locate(CONFIG_RIG, "grasp", path, error)) ||
+        (code = paper_pendulums(paper, &table, error)) || (code = paper_grasp(paper, error)) ||
+        (code = paper_squat(paper, error)) || (code = paper_speed(paper, &table, error))) {
+        return code;
+    }
+    put_choices(&paper->report);
+    /* Add the list of results that are not reproduced, with reasons */
+    struct report *report = &paper->report;
+
     report_section(report, "rest", "What is not reproduced");
     report_table(report, "not-reproduced", "", "of the paper|why");
     report_row(report,
@@ -70,23 +84,6 @@ static void put_rest(struct report *report)
         "the text says of them.");
     report_row(report,
                "supplementary animations|A recording (run --record) has all motion, as numbers.");
-}
-
-/* Measures all parts of the paper, and adds their sections. */
-static enum error_code paper_measure_all(struct paper *paper, struct error *error)
-{
-    struct pendulum_table table;
-    char path[PATH_MAX];
-    enum error_code code;
-
-    /* Find a rig first, so that a missing rig is reported before the pendulums run for minutes */
-    if ((code = config_locate(CONFIG_RIG, "grasp", path, error)) ||
-        (code = paper_pendulums(paper, &table, error)) || (code = paper_grasp(paper, error)) ||
-        (code = paper_squat(paper, error)) || (code = paper_speed(paper, &table, error))) {
-        return code;
-    }
-    put_choices(&paper->report);
-    put_rest(&paper->report);
     return ERROR_NONE;
 }
 

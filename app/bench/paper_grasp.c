@@ -130,26 +130,6 @@ static const struct contact_surface *find_surface(const struct rig *rig, const c
     return NULL;
 }
 
-/* Adds a row with the paper's values of a surface and ours. */
-static void put_surface(struct report *report, const struct rig *rig,
-                        const struct paper_surface *said)
-{
-    const struct contact_surface *surface = find_surface(rig, said->surface);
-    char faces[24] = "-";
-
-    if (!surface) {
-        return;
-    }
-    if (faces_of(surface)) {
-        snprintf(faces, sizeof faces, "%zu", faces_of(surface));
-    }
-    report_row(report, "%s|%s|%s|%s|%g, %g, %g|%g|%g|%g|%s", said->name, said->said,
-               faces_of(surface) ? "mesh" : "primitive", faces, surface->material.dynamic_friction,
-               surface->material.static_friction, surface->material.viscous_friction,
-               surface->material.young_pa, surface->material.thickness_m * 1e3,
-               surface->material.dissipation_s_per_m, said->why);
-}
-
 /* Adds Table 2. */
 static void put_table_2(struct report *report, const struct rig *rig)
 {
@@ -166,7 +146,21 @@ static void put_table_2(struct report *report, const struct rig *rig)
         "surface|paper: type|paper: faces|paper: friction (dynamic, static, viscous)|type|faces|"
         "friction|Young's modulus, Pa|layer, mm|dissipation, s/m|why it differs");
     for (size_t i = 0; i < sizeof surfaces / sizeof surfaces[0]; i++) {
-        put_surface(report, rig, &surfaces[i]);
+        const struct contact_surface *surface = find_surface(rig, surfaces[i].surface);
+        char faces[24] = "-";
+
+        /* Add a row with the paper's values of a surface and ours */
+        if (surface) {
+            if (faces_of(surface)) {
+                snprintf(faces, sizeof faces, "%zu", faces_of(surface));
+            }
+            report_row(report, "%s|%s|%s|%s|%g, %g, %g|%g|%g|%g|%s", surfaces[i].name,
+                       surfaces[i].said, faces_of(surface) ? "mesh" : "primitive", faces,
+                       surface->material.dynamic_friction, surface->material.static_friction,
+                       surface->material.viscous_friction, surface->material.young_pa,
+                       surface->material.thickness_m * 1e3, surface->material.dissipation_s_per_m,
+                       surfaces[i].why);
+        }
     }
 }
 

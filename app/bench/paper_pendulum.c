@@ -19,9 +19,19 @@ static void pendulum_put_row(struct report *report, const char *who,
                distance);
 }
 
-/* Adds Table 1: our engine with relative coordinates, ODE with absolute coordinates. */
-static void pendulum_put_table(struct report *report, const struct pendulum_table *table)
+/* Adds the section on Table 1. */
+static void put_table_1(struct paper *paper, const struct pendulum_table *table)
 {
+    struct report *report = &paper->report;
+
+    report_section(report, "pendulums", "Table 1: relative and absolute coordinates");
+    report_text(
+        report,
+        "A single and a double pendulum, dimensionless, in one coordinate a body through the "
+        "whole plant with Runge-Kutta 4, and in seven coordinates and six constraints a body "
+        "with ODE's own integrator (constraint force mixing 1e-10, error reduction 0.2). The "
+        "paper leaves out the second body's mass: 2, for no other lets both bodies turn as one.");
+    /* Add Table 1: our engine with relative coordinates, ODE with absolute coordinates */
     const struct peer_pendulum *absolute = table->absolute;
     char who[96];
 
@@ -43,11 +53,7 @@ static void pendulum_put_table(struct report *report, const struct pendulum_tabl
                              pendulum_paper[n][k].ode_energy, pendulum_paper[n][k].ode_constraint);
         }
     }
-}
-
-/* Compares the energy errors with the paper's. */
-static void pendulum_put_findings(struct report *report, const struct pendulum_table *table)
-{
+    /* Compare the energy errors with the paper's */
     static const char *const names[2] = {"single", "double"};
 
     for (size_t n = 0; n < 2; n++) {
@@ -67,22 +73,6 @@ static void pendulum_put_findings(struct report *report, const struct pendulum_t
                        table->theirs[n][1].energy);
     }
     report_compared(report);
-}
-
-/* Adds the section on Table 1. */
-static void put_table_1(struct paper *paper, const struct pendulum_table *table)
-{
-    struct report *report = &paper->report;
-
-    report_section(report, "pendulums", "Table 1: relative and absolute coordinates");
-    report_text(
-        report,
-        "A single and a double pendulum, dimensionless, in one coordinate a body through the "
-        "whole plant with Runge-Kutta 4, and in seven coordinates and six constraints a body "
-        "with ODE's own integrator (constraint force mixing 1e-10, error reduction 0.2). The "
-        "paper leaves out the second body's mass: 2, for no other lets both bodies turn as one.");
-    pendulum_put_table(report, table);
-    pendulum_put_findings(report, table);
     if (table->nstep < PENDULUM_STEPS) {
         report_text(report, "The step %g was left out of this quick run.",
                     pendulum_step_sizes[PENDULUM_STEPS - 1]);
@@ -133,37 +123,6 @@ static void put_courses(struct report *report, const struct pendulum_course *cou
         panels, 2);
 }
 
-/* Adds the section on Fig. 3; course[0] is ours. */
-static void put_figure_3(struct paper *paper, const struct pendulum_course *course, size_t count)
-{
-    struct report *report = &paper->report;
-    double period = pendulum_analytic_period();
-
-    report_section(report, "synchronous", "Fig. 3: the synchronous double pendulum");
-    put_courses(report, course, count);
-    report_finding(report, false, "period from the elliptic integral, time units|about 3.15|%.8f|",
-                   period);
-    report_finding(report, true,
-                   "largest error of the period over %g time units, dt %g|about 5e-9|%.1e|Linear "
-                   "interpolation between steps gives the paper's error. Here a cubic through "
-                   "angles and rates ends a turn.",
-                   PENDULUM_PERIOD_UNITS, PENDULUM_PERIOD_STEP, worst_period(&course[0], period));
-    /* Findings that need an engine with absolute coordinates */
-    if (count > 1) {
-        report_finding(report, false,
-                       "the same with ODE|grows about linearly, to be read off only|%.2f|",
-                       worst_period(&course[1], period));
-        report_finding(report, true,
-                       "heights differ by half of their range after, time units|80|%.1f|Both "
-                       "depend on ODE's drift alone, and that on its version and build; the paper "
-                       "does not give them.",
-                       pendulum_apart_at(&course[0], &course[1], 1.0));
-        report_finding(report, true, "in antiphase after, time units|124|%.1f|as above",
-                       pendulum_antiphase_at(&course[0], &course[1], period));
-    }
-    report_compared(report);
-}
-
 enum error_code paper_pendulums(struct paper *paper, struct pendulum_table *table,
                                 struct error *error)
 {
@@ -188,7 +147,36 @@ enum error_code paper_pendulums(struct paper *paper, struct pendulum_table *tabl
         code = pendulum_run_course(table->absolute, &course[1], &arena, error);
     }
     if (!code) {
-        put_figure_3(paper, course, table->absolute ? 2 : 1);
+        const size_t count = table->absolute ? 2 : 1;
+        struct report *report = &paper->report;
+        double period = pendulum_analytic_period();
+
+        /* Add the section on Fig. 3; course[0] is ours. */
+        report_section(report, "synchronous", "Fig. 3: the synchronous double pendulum");
+        put_courses(report, course, count);
+        report_finding(report, false,
+                       "period from the elliptic integral, time units|about 3.15|%.8f|", period);
+        report_finding(
+            report, true,
+            "largest error of the period over %g time units, dt %g|about 5e-9|%.1e|Linear "
+            "interpolation between steps gives the paper's error. Here a cubic through "
+            "angles and rates ends a turn.",
+            PENDULUM_PERIOD_UNITS, PENDULUM_PERIOD_STEP, worst_period(&course[0], period));
+        /* Findings that need an engine with absolute coordinates */
+        if (count > 1) {
+            report_finding(report, false,
+                           "the same with ODE|grows about linearly, to be read off only|%.2f|",
+                           worst_period(&course[1], period));
+            report_finding(
+                report, true,
+                "heights differ by half of their range after, time units|80|%.1f|Both "
+                "depend on ODE's drift alone, and that on its version and build; the paper "
+                "does not give them.",
+                pendulum_apart_at(&course[0], &course[1], 1.0));
+            report_finding(report, true, "in antiphase after, time units|124|%.1f|as above",
+                           pendulum_antiphase_at(&course[0], &course[1], period));
+        }
+        report_compared(report);
     }
     arena_fini(&arena);
     return code;

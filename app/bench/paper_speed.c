@@ -12,12 +12,17 @@ enum { ROUNDS = 5, DYNAMICS_ROUNDS = 100, QUICK_DYNAMICS_ROUNDS = 5 };
 
 /* ---- the machine ---- */
 
-/* Reads the processor's name from /proc/cpuinfo. */
-static void read_processor_name(char *name, size_t size)
+/* Adds a description of the machine on which the times were measured. */
+static void put_machine(struct report *report)
 {
+    struct utsname system;
+    char name[128];
+    double load[3] = {NAN, NAN, NAN};
+    const size_t size = sizeof name;
     FILE *file = fopen("/proc/cpuinfo", "r");
     char line[512];
 
+    /* Read the processor's name from /proc/cpuinfo */
     snprintf(name, size, "unknown processor");
     while (file && fgets(line, sizeof line, file)) {
         char *colon = strchr(line, ':');
@@ -31,16 +36,6 @@ static void read_processor_name(char *name, size_t size)
     if (file) {
         fclose(file);
     }
-}
-
-/* Adds a description of the machine on which the times were measured. */
-static void put_machine(struct report *report)
-{
-    struct utsname system;
-    char name[128];
-    double load[3] = {NAN, NAN, NAN};
-
-    read_processor_name(name, sizeof name);
     uname(&system);
     if (getloadavg(load, 3) < 1) {
         load[0] = NAN;
@@ -123,11 +118,13 @@ static enum error_code measure_settings(struct paper *paper, struct error *error
 
 /* ---- Fig. 4 ---- */
 
-/* Draws Fig. 4, with one series per engine. */
-static void put_dynamics_plot(struct report *report, const struct dynamics_bench *bench)
+/* Adds Fig. 4 and the table of all engines with the whole robot. */
+static void put_dynamics(struct report *report, const struct dynamics_bench *bench)
 {
+    size_t last = bench->nsize - 1, reference = dynamics_bench_reference(bench);
     struct dynamics_plot plot;
 
+    /* The figure, then one row per engine for the whole robot */
     dynamics_bench_draw(bench, &plot);
     report_figure(
         report, "figure-4",
@@ -137,15 +134,6 @@ static void put_dynamics_plot(struct report *report, const struct dynamics_bench
         "installed: Debian builds Simbody with assertions on, without them it is some 1.8 times "
         "as fast.",
         &plot.panel, 1);
-}
-
-/* Adds Fig. 4 and the table of all engines with the whole robot. */
-static void put_dynamics(struct report *report, const struct dynamics_bench *bench)
-{
-    size_t last = bench->nsize - 1, reference = dynamics_bench_reference(bench);
-
-    /* The figure, then one row per engine for the whole robot */
-    put_dynamics_plot(report, bench);
     report_table(
         report, "accelerations", "One evaluation of the whole robot's accelerations.",
         "program|version|us, median|slope, us a freedom|average relative difference from the "
@@ -182,29 +170,6 @@ static void put_dynamics(struct report *report, const struct dynamics_bench *ben
     }
 }
 
-/* Measures the accelerations of COMAN with all engines. */
-static enum error_code measure_dynamics(struct paper *paper, struct error *error)
-{
-    static struct dynamics_bench bench;
-    const struct rig *rig;
-    struct arena arena;
-    enum error_code code = arena_init(&arena, DYNAMICS_ARENA_BYTES, error);
-
-    bench =
-        (struct dynamics_bench){.rounds = paper->quick ? QUICK_DYNAMICS_ROUNDS : DYNAMICS_ROUNDS,
-                                .whole_only = paper->quick};
-    paper_progress(paper, "accelerations");
-    if (!code && !(code = rig_load("coman", &arena, &rig, error))) {
-        code = dynamics_bench_run(&bench, rig->robot->file, paper->peers, &arena, error);
-    }
-    if (!code) {
-        put_dynamics(&paper->report, &bench);
-    }
-    dynamics_bench_end(&bench);
-    arena_fini(&arena);
-    return code;
-}
-
 /* ---- Table 1 ---- */
 
 enum error_code paper_speed(struct paper *paper, const struct pendulum_table *table,
@@ -217,7 +182,24 @@ enum error_code paper_speed(struct paper *paper, const struct pendulum_table *ta
     put_machine(report);
     code = measure_settings(paper, error);
     if (!code) {
-        code = measure_dynamics(paper, error);
+        static struct dynamics_bench bench;
+        const struct rig *rig;
+        struct arena arena;
+
+        /* Measure the accelerations of COMAN with all engines */
+        code = arena_init(&arena, DYNAMICS_ARENA_BYTES, error);
+        bench = (struct dynamics_bench){.rounds =
+                                            paper->quick ? QUICK_DYNAMICS_ROUNDS : DYNAMICS_ROUNDS,
+                                        .whole_only = paper->quick};
+        paper_progress(paper, "accelerations");
+        if (!code && !(code = rig_load("coman", &arena, &rig, error))) {
+            code = dynamics_bench_run(&bench, rig->robot->file, paper->peers, &arena, error);
+        }
+        if (!code) {
+            put_dynamics(&paper->report, &bench);
+        }
+        dynamics_bench_end(&bench);
+        arena_fini(&arena);
     }
     if (!code) {
         /* Adds the real-time factors of Table 1 */

@@ -33,9 +33,16 @@ static enum error_code peers_load_module(const char *path, struct peers_library 
     return ERROR_NONE;
 }
 
-/* Finds the folder of the running program. */
-static enum error_code program_folder(char folder[PATH_MAX], struct error *error)
+enum error_code peers_open(const char *path, struct peers_library *library, struct error *error)
 {
+    static const char *const places[] = {"", "/tests"};
+    char folder[PATH_MAX], file[PATH_MAX + sizeof "/tests/" PEERS_FILE];
+
+    *library = (struct peers_library){0};
+    if (path) {
+        return peers_load_module(path, library, error);
+    }
+    /* Find the folder of the running program */
     ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - 1);
     char *slash;
 
@@ -45,23 +52,6 @@ static enum error_code program_folder(char folder[PATH_MAX], struct error *error
         return error_set(error, ERROR_UNSUPPORTED, "the program's own place is not known");
     }
     *slash = '\0';
-    return ERROR_NONE;
-}
-
-enum error_code peers_open(const char *path, struct peers_library *library, struct error *error)
-{
-    static const char *const places[] = {"", "/tests"};
-    char folder[PATH_MAX], file[PATH_MAX + sizeof "/tests/" PEERS_FILE];
-    enum error_code code;
-
-    *library = (struct peers_library){0};
-    if (path) {
-        return peers_load_module(path, library, error);
-    }
-    code = program_folder(folder, error);
-    if (code) {
-        return code;
-    }
 
     /* Search beside the program and in the build's folder for tests */
     for (size_t i = 0; i < sizeof places / sizeof places[0]; i++) {

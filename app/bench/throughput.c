@@ -566,17 +566,6 @@ static void time_tick(void *context, int64_t now_ns)
     timer->begun_s = now_s;
 }
 
-/* Returns the mean time that it takes to read the CPU clock, s. */
-static double time_reading(void)
-{
-    const double begun_s = bench_cpu_s();
-
-    for (int i = 1; i < READINGS; i++) {
-        bench_cpu_s();
-    }
-    return (bench_cpu_s() - begun_s) / READINGS;
-}
-
 /* Runs a rig for WARM_UP_S plus the given time, and prints its row. */
 static enum error_code time_rig(const struct throughput *t, const struct measured_rig *measured,
                                 struct arena *arena, struct ticks_timer *timer, struct error *error)
@@ -607,7 +596,13 @@ static enum error_code time_rig(const struct throughput *t, const struct measure
     config.ticks = (uint64_t)ceil(1e6 * (skipped_s + t->seconds) / tick_us);
     memset(timer, 0, sizeof *timer);
     timer->begun_s = -1.0;
-    timer->reading_s = time_reading();
+    /* Measure the mean time of one reading of the CPU clock */
+    const double begun_s = bench_cpu_s();
+
+    for (int i = 1; i < READINGS; i++) {
+        bench_cpu_s();
+    }
+    timer->reading_s = (bench_cpu_s() - begun_s) / READINGS;
     timer->from_ns = llround(1e9 * skipped_s);
     if ((code = simulator_create(&config, arena, &simulator, notice, error))) {
         return code;

@@ -164,18 +164,6 @@ static enum error_code accel_read_state(struct reader *r, const struct robot *ro
     return code;
 }
 
-/* Writes numbers on a line, with all digits of a double, and flushes them. */
-static enum error_code write_numbers(const double *value, size_t count, struct error *error)
-{
-    for (size_t i = 0; i < count; i++) {
-        printf("%.17g%c", value[i], i + 1 < count ? ' ' : '\n');
-    }
-    if (fflush(stdout) == EOF) {
-        return error_set_errno(error, errno, "cannot write to standard output");
-    }
-    return ERROR_NONE;
-}
-
 /* Answers a state with its accelerations by forward dynamics; refuses a state whose result
  * overflows. */
 static enum error_code accel_answer_state(const struct dynamics *d, double *value, double *vdot,
@@ -192,20 +180,14 @@ static enum error_code accel_answer_state(const struct dynamics *d, double *valu
                              r->line);
         }
     }
-    return write_numbers(vdot, robot->nv, error);
-}
-
-/* Lists name and unit of each number of a state. */
-static enum error_code list_numbers(const struct robot *robot, struct error *error)
-{
-    char name[128];
-
-    for (size_t i = 0; i < robot->nq + robot->nv + robot->njoint; i++) {
-        accel_describe_number(robot, i, name, sizeof name);
-        puts(name);
+    /* Write numbers on a line, with all digits of a double, and flush them */
+    for (size_t i = 0; i < robot->nv; i++) {
+        printf("%.17g%c", vdot[i], i + 1 < robot->nv ? ' ' : '\n');
     }
-    return fflush(stdout) == EOF ? error_set_errno(error, errno, "cannot write to standard output")
-                                 : ERROR_NONE;
+    if (fflush(stdout) == EOF) {
+        return error_set_errno(error, errno, "cannot write to standard output");
+    }
+    return ERROR_NONE;
 }
 
 /* Answers each state on standard input until its end or the first error, or lists the numbers of a
@@ -223,7 +205,16 @@ static enum error_code accel_run(const void *context, const struct robot *robot,
     bool found = true;
 
     if (*list) {
-        return list_numbers(robot, error);
+        char name[128];
+
+        /* List name and unit of each number of a state */
+        for (size_t i = 0; i < robot->nq + robot->nv + robot->njoint; i++) {
+            accel_describe_number(robot, i, name, sizeof name);
+            puts(name);
+        }
+        return fflush(stdout) == EOF
+                   ? error_set_errno(error, errno, "cannot write to standard output")
+                   : ERROR_NONE;
     }
     if (!value || !vdot) {
         return error_set(error, ERROR_MEMORY, "no memory for a state of %s", robot->name);

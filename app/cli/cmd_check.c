@@ -31,42 +31,6 @@ static void check_print_robot(const struct robot *robot, const char *variant)
         robot->nframe, robot->nft, robot->imu_frame < 0 ? "no" : "one", robot->npose, robot->hash);
 }
 
-/* Prints clock, integration and the start of a run. */
-static void check_print_time(const struct rig *rig)
-{
-    static const char *const holds[] = {"free", "held until all motors are on", "held"};
-    const struct robot_pose *pose = &rig->robot->pose[robot_find_pose(rig->robot, rig->pose)];
-    size_t moved = 0;
-
-    printf("time        clock %s, tick %g ms = %zu x %g ms, %s, dynamics %s\n",
-           word_of(loop_clock_words, rig->clock), (double)rig->tick_ns * 1e-6, rig->substeps,
-           (double)rig->substep_ns * 1e-6, word_of(rig_integrator_words, rig->integrator),
-           word_of(rig_dynamics_words, rig->dynamics));
-    for (size_t j = 0; j < rig->robot->njoint; j++) {
-        moved += rig->joint[j] != pose->joint[j];
-    }
-    printf("start       pose %s with %zu joints elsewhere, base at %g %g %g m, supply %g V, links "
-           "%s%s\n",
-           rig->pose, moved, rig->base_position[0], rig->base_position[1], rig->base_position[2],
-           rig->supply_v, holds[rig->hold], rig->settle ? ", settled" : "");
-}
-
-/* Prints the real-time settings, and the identifiers of lockstep. */
-static void check_print_running(const struct rig *rig)
-{
-    const struct rig_realtime *rt = &rig->realtime;
-    char cpu[16] = "any CPU";
-
-    if (rt->cpu >= 0) {
-        snprintf(cpu, sizeof cpu, "CPU %d", rt->cpu);
-    }
-    printf("real time   priority %d, %s, memory %s, on overrun %s\n", rt->priority, cpu,
-           rt->lock_memory ? "locked" : "not locked", word_of(loop_overrun_words, rt->overrun));
-    printf("lockstep    STEP 0x%03x on %s, DONE 0x%03x, silence reported after %g s\n",
-           (unsigned)rig->lockstep.step_id, rig->bus[rig->lockstep.bus].name,
-           (unsigned)rig->lockstep.done_id, (double)rig->lockstep.partner_timeout_ns * 1e-9);
-}
-
 /* Prints the free bodies of the scene. */
 static void print_free_bodies(const struct rig *rig)
 {
@@ -212,35 +176,6 @@ static void print_board(const struct rig *rig, const struct board_config *board)
     }
 }
 
-/* Prints each bus with its worst-case load, relative to its bit rate, and its boards. */
-static void check_print_buses(const struct rig *rig)
-{
-    const int64_t command = rig->servo.command_period_ns;
-
-    printf("buses       %zu, %zu boards, %zu driven joints, %zu F/T sensors\n", rig->nbus,
-           rig->boards.nboard, rig->naxis, rig->nft);
-    printf("            worst-case load: telemetry at the host's default policy + voltages every "
-           "%g ms\n",
-           (double)command * 1e-6);
-    for (size_t i = 0; i < rig->nbus; i++) {
-        const struct rig_bus *bus = &rig->bus[i];
-        double telemetry, commands, percent = 100.0 / (double)bus->bitrate;
-
-        rig_bus_load(rig, i, command, &telemetry, &commands);
-        printf("  %-16s %s, %g kbit/s, load %.1f %% + %.1f %% = %.1f %%%s\n", bus->name,
-               bus->interface, (double)bus->bitrate * 1e-3, telemetry * percent, commands * percent,
-               (telemetry + commands) * percent,
-               (telemetry + commands) * percent > 100.0 ? ", more than it carries" : "");
-
-        /* The boards of this bus, in the order of the rig */
-        for (size_t k = 0; k < rig->boards.nboard; k++) {
-            if (rig->boards.board[k].bus == (int)i) {
-                print_board(rig, &rig->boards.board[k]);
-            }
-        }
-    }
-}
-
 /* Prints the errors of a sensor, unless it is ideal. */
 static void print_error(const char *what, const char *unit, const struct sensor_error *e)
 {
@@ -316,11 +251,61 @@ static int check_print_rig(void *context, const struct rig *rig, struct arena *a
     }
     printf("rig         %s, %s\n", rig->name, rig->file);
     check_print_robot(rig->robot, rig->variant);
-    check_print_time(rig);
-    check_print_running(rig);
+    /* Print clock, integration and the start of a run */
+    static const char *const holds[] = {"free", "held until all motors are on", "held"};
+    const struct robot_pose *pose = &rig->robot->pose[robot_find_pose(rig->robot, rig->pose)];
+    size_t moved = 0;
+
+    printf("time        clock %s, tick %g ms = %zu x %g ms, %s, dynamics %s\n",
+           word_of(loop_clock_words, rig->clock), (double)rig->tick_ns * 1e-6, rig->substeps,
+           (double)rig->substep_ns * 1e-6, word_of(rig_integrator_words, rig->integrator),
+           word_of(rig_dynamics_words, rig->dynamics));
+    for (size_t j = 0; j < rig->robot->njoint; j++) {
+        moved += rig->joint[j] != pose->joint[j];
+    }
+    printf("start       pose %s with %zu joints elsewhere, base at %g %g %g m, supply %g V, links "
+           "%s%s\n",
+           rig->pose, moved, rig->base_position[0], rig->base_position[1], rig->base_position[2],
+           rig->supply_v, holds[rig->hold], rig->settle ? ", settled" : "");
+    /* Print the real-time settings, and the identifiers of lockstep */
+    const struct rig_realtime *rt = &rig->realtime;
+    char cpu[16] = "any CPU";
+
+    if (rt->cpu >= 0) {
+        snprintf(cpu, sizeof cpu, "CPU %d", rt->cpu);
+    }
+    printf("real time   priority %d, %s, memory %s, on overrun %s\n", rt->priority, cpu,
+           rt->lock_memory ? "locked" : "not locked", word_of(loop_overrun_words, rt->overrun));
+    printf("lockstep    STEP 0x%03x on %s, DONE 0x%03x, silence reported after %g s\n",
+           (unsigned)rig->lockstep.step_id, rig->bus[rig->lockstep.bus].name,
+           (unsigned)rig->lockstep.done_id, (double)rig->lockstep.partner_timeout_ns * 1e-9);
     check_print_scene(rig);
     check_print_sensors(rig);
-    check_print_buses(rig);
+    /* Print each bus with its worst-case load, relative to its bit rate, and its boards */
+    const int64_t command = rig->servo.command_period_ns;
+
+    printf("buses       %zu, %zu boards, %zu driven joints, %zu F/T sensors\n", rig->nbus,
+           rig->boards.nboard, rig->naxis, rig->nft);
+    printf("            worst-case load: telemetry at the host's default policy + voltages every "
+           "%g ms\n",
+           (double)command * 1e-6);
+    for (size_t i = 0; i < rig->nbus; i++) {
+        const struct rig_bus *bus = &rig->bus[i];
+        double telemetry, commands, percent = 100.0 / (double)bus->bitrate;
+
+        rig_bus_load(rig, i, command, &telemetry, &commands);
+        printf("  %-16s %s, %g kbit/s, load %.1f %% + %.1f %% = %.1f %%%s\n", bus->name,
+               bus->interface, (double)bus->bitrate * 1e-3, telemetry * percent, commands * percent,
+               (telemetry + commands) * percent,
+               (telemetry + commands) * percent > 100.0 ? ", more than it carries" : "");
+
+        /* The boards of this bus, in the order of the rig */
+        for (size_t k = 0; k < rig->boards.nboard; k++) {
+            if (rig->boards.board[k].bus == (int)i) {
+                print_board(rig, &rig->boards.board[k]);
+            }
+        }
+    }
     rig_command_warn_load("check", rig);
     return STATUS_OK;
 }

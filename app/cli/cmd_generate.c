@@ -8,7 +8,6 @@
 #include "model/symbolic/symbolic.h"
 
 #include <inttypes.h>
-#include <string.h>
 
 enum { PATH_SIZE = 1024 };
 

@@ -172,26 +172,6 @@ static enum error_code plot_write(const struct svg_plot *panel, size_t npanel, c
     return whole_file_close(&file, code, error);
 }
 
-/* Refuses a time span without rows in the file; the error gives the file's span. */
-static enum error_code plot_refuse_span(const struct plot_options *o, const char *const *name,
-                                        struct error *error)
-{
-    struct signals all;
-    enum error_code code = signals_read(o->file, name, 1, -1e9, 1e9, &all, error);
-
-    if (!code) {
-        code =
-            all.count == 0
-                ? error_set(error, ERROR_INPUT, "%.200s: found no row, expected some", o->file)
-                : error_set(error, ERROR_INPUT,
-                            "--from, --to: found no row from %g to %g s, expected times "
-                            "within %g to %g s",
-                            o->span[0], o->span[1], all.value[0][0], all.value[0][all.count - 1]);
-    }
-    signals_free(&all);
-    return code;
-}
-
 /* Reads the chosen signals and draws them. */
 static enum error_code plot_signals(const struct plot_options *o, const char *const *name,
                                     size_t count, struct error *error)
@@ -203,7 +183,21 @@ static enum error_code plot_signals(const struct plot_options *o, const char *co
         signals_read(o->file, name, count, o->span[0], o->span[1], &signals, error);
 
     if (!code && signals.count == 0) {
-        code = plot_refuse_span(o, name, error);
+        struct signals all;
+
+        /* Refuse a time span without rows in the file; the error gives the file's span */
+        code = signals_read(o->file, name, 1, -1e9, 1e9, &all, error);
+        if (!code) {
+            code =
+                all.count == 0
+                    ? error_set(error, ERROR_INPUT, "%.200s: found no row, expected some", o->file)
+                    : error_set(error, ERROR_INPUT,
+                                "--from, --to: found no row from %g to %g s, expected times "
+                                "within %g to %g s",
+                                o->span[0], o->span[1], all.value[0][0],
+                                all.value[0][all.count - 1]);
+        }
+        signals_free(&all);
     } else if (!code) {
         const char *x = !strcmp(signals.first_title, "time_s") ? "time, s" : signals.first_title;
         size_t npanel = plot_arrange(name, &signals, x, series, panel);

@@ -372,23 +372,6 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
     return status;
 }
 
-/* Prints how the robot has settled before the run, if it did. */
-static void print_settled(const struct simulator *simulator)
-{
-    const struct settled *settled = simulator_settled(simulator);
-    char base[96] = "";
-
-    if (!settled) {
-        return;
-    }
-    if (simulator_configuration(simulator)->rig->robot->floating) {
-        snprintf(base, sizeof base, "; base %.3f mm lower and tilted by %.3f mrad",
-                 -1e3 * settled->rise_m, 1e3 * settled->tilt_rad);
-    }
-    fprintf(stderr, "settled: residual %.1g of the weight, %.1g sideways%s\n", settled->residual,
-            settled->sideways, base);
-}
-
 /* Prints the differences of the run from the recorded one. */
 static void print_stimulus(const struct simulator *simulator, bool quiet)
 {
@@ -433,7 +416,18 @@ static void print_start(const struct simulator *simulator, const char *host, con
 {
     if (!quiet) {
         fprintf(stderr, "dynamics: %s\n", simulator_dynamics(simulator));
-        print_settled(simulator);
+        /* Print how the robot has settled before the run, if it did */
+        const struct settled *settled = simulator_settled(simulator);
+        char base[96] = "";
+
+        if (settled) {
+            if (simulator_configuration(simulator)->rig->robot->floating) {
+                snprintf(base, sizeof base, "; base %.3f mm lower and tilted by %.3f mrad",
+                         -1e3 * settled->rise_m, 1e3 * settled->tilt_rad);
+            }
+            fprintf(stderr, "settled: residual %.1g of the weight, %.1g sideways%s\n",
+                    settled->residual, settled->sideways, base);
+        }
     }
     print_stimulus(simulator, quiet);
     if (notice[0] && !quiet) {

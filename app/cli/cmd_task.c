@@ -98,23 +98,6 @@ static void *task_report_main(void *context)
 
 static bool boards_lost; /* another run may find the boards */
 
-/* Prints how the task ended; returns the exit status. */
-static int task_exit_status(struct task_runner *runner, enum task_status status)
-{
-    switch (status) {
-    case TASK_DONE:
-        printf("%s\n", task_message(runner->task));
-        return STATUS_OK;
-    case TASK_FAILED:
-        boards_lost = task_lost(runner->task);
-        fprintf(stderr, "coman-hil task: failed: %s\n", task_message(runner->task));
-        return STATUS_FAILED;
-    default:
-        printf("stopped, motors off\n");
-        return STATUS_OK;
-    }
-}
-
 static void task_request_stop(void *context)
 {
     struct task_runner *runner = context;
@@ -148,7 +131,19 @@ static int task_run_to_end(struct task_runner *runner, const struct rig *rig, bo
         atomic_store(&reporter.stop, true);
         pthread_join(reporter.thread, NULL);
     }
-    return task_exit_status(runner, status);
+    /* Print how the task ended; return the exit status */
+    switch (status) {
+    case TASK_DONE:
+        printf("%s\n", task_message(runner->task));
+        return STATUS_OK;
+    case TASK_FAILED:
+        boards_lost = task_lost(runner->task);
+        fprintf(stderr, "coman-hil task: failed: %s\n", task_message(runner->task));
+        return STATUS_FAILED;
+    default:
+        printf("stopped, motors off\n");
+        return STATUS_OK;
+    }
 }
 
 /* Opens the buses, creates the task and runs it; returns the exit status. */

@@ -150,18 +150,6 @@ struct test_runs {
 
 enum { SIGNALS_SIZE = 2048 };
 
-/* Writes the help on signals: one line per kind. */
-static void list_signals(char list[SIGNALS_SIZE])
-{
-    const char *const *line = scenario_signal_help();
-    size_t used = 0;
-
-    list[0] = '\0';
-    for (; *line && used < SIGNALS_SIZE; line++) {
-        used += (size_t)snprintf(list + used, SIGNALS_SIZE - used, "  %s\n", *line);
-    }
-}
-
 /* Reads the command line; returns false and the exit status if there is nothing to run. */
 static bool test_parse_options(int argc, char **argv, struct test_options *out, int *status)
 {
@@ -207,8 +195,14 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
         .manual = manual,
     };
     char signals[SIGNALS_SIZE];
+    const char *const *line = scenario_signal_help();
+    size_t used = 0;
 
-    list_signals(signals);
+    /* Write the help on signals: one line per kind */
+    signals[0] = '\0';
+    for (; *line && used < SIGNALS_SIZE; line++) {
+        used += (size_t)snprintf(signals + used, SIGNALS_SIZE - used, "  %s\n", *line);
+    }
     options_insert(manual, sizeof manual, MANUAL_TEST, "@SIGNALS@", signals);
 
     o = (struct test_options){.seed = -1};
@@ -243,29 +237,6 @@ static enum error_code test_check_names(struct scenario *const *scenario, size_t
 static const char *test_output(const struct test_options *options)
 {
     return options->output ? options->output : "test-results";
-}
-
-/* Adds the runs of a case: the case itself, recorded in its own directory, then each mutation,
- * without a recording. */
-static void add_jobs(struct test_runs *plan, struct scenario *scenario, size_t number, size_t count,
-                     const struct test_options *options)
-{
-    for (int m = -1; m < (options->mutate ? (int)scenario->nmutation : 0); m++) {
-        struct scenario_job *job = &plan->job[plan->njob++];
-        int used;
-
-        job->scenario = scenario;
-        job->mutation = m;
-        job->seed_given = options->seed >= 0;
-        job->seed = (uint64_t)options->seed;
-        if (m < 0) {
-            used = snprintf(job->record, sizeof job->record, "%s/%s", test_output(options),
-                            scenario->name);
-            if (count > 1 && used > 0 && (size_t)used < sizeof job->record) {
-                snprintf(job->record + used, sizeof job->record - (size_t)used, "-%zu", number + 1);
-            }
-        }
-    }
 }
 
 /* Reads and checks a scenario. Refuses a sweep or a plan; the error names the right options. */
@@ -336,7 +307,25 @@ static enum error_code make_plan(struct test_runs *plan, const struct test_optio
     /* Plans the runs of all cases, with their mutations */
     for (size_t f = 0; f < nfile; f++) {
         for (size_t i = 0; i < ncases[f]; i++) {
-            add_jobs(plan, &cases[f][i], i, ncases[f], options);
+            /* Add the runs of a case: the case itself, recorded in its own directory, then each
+             * mutation, without a recording */
+            for (int m = -1; m < (options->mutate ? (int)cases[f][i].nmutation : 0); m++) {
+                struct scenario_job *job = &plan->job[plan->njob++];
+                int used;
+
+                job->scenario = &cases[f][i];
+                job->mutation = m;
+                job->seed_given = options->seed >= 0;
+                job->seed = (uint64_t)options->seed;
+                if (m < 0) {
+                    used = snprintf(job->record, sizeof job->record, "%s/%s", test_output(options),
+                                    cases[f][i].name);
+                    if (ncases[f] > 1 && used > 0 && (size_t)used < sizeof job->record) {
+                        snprintf(job->record + used, sizeof job->record - (size_t)used, "-%zu",
+                                 i + 1);
+                    }
+                }
+            }
             plan->ncase++;
         }
     }

@@ -4,8 +4,6 @@
 
 #include "rt/clock.h"
 
-#include <string.h>
-
 /* Longest window for the summary of a flood. */
 #define WINDOW_MAX_NS (60 * CLOCK_SECOND)
 

@@ -113,21 +113,6 @@ static void print_events(struct monitor *monitor, int64_t now)
     eventlog_flush(&monitor->log, now, false);
 }
 
-/* Notifies the service manager that the run is ready and alive. In lockstep the loop is ready when
- * it waits for the first STEP, before the first tick. */
-static void tell_manager(struct monitor *monitor, int64_t now)
-{
-    const struct simulator *simulator = monitor->config.simulator;
-    struct notify_health health = {.beat = simulator_beat(simulator)};
-    struct simulator_status status;
-
-    health.ready =
-        !monitor->replaced &&
-        (simulator_read(simulator, &status) ||
-         (simulator_configuration(simulator)->clock == LOOP_CLOCK_LOCKSTEP && health.beat > 0));
-    notify_watch(monitor->config.manager, &health, now);
-}
-
 /* Main function of the thread: works until it is stopped. */
 static void *monitor_main(void *context)
 {
@@ -139,7 +124,17 @@ static void *monitor_main(void *context)
 
         simulator_watch_interfaces(monitor->config.simulator, now);
         print_events(monitor, now);
-        tell_manager(monitor, now);
+        /* Notify the service manager that the run is ready and alive. In lockstep the loop is
+         * ready when it waits for the first STEP, before the first tick. */
+        const struct simulator *simulator = monitor->config.simulator;
+        struct notify_health health = {.beat = simulator_beat(simulator)};
+        struct simulator_status status;
+
+        health.ready =
+            !monitor->replaced &&
+            (simulator_read(simulator, &status) ||
+             (simulator_configuration(simulator)->clock == LOOP_CLOCK_LOCKSTEP && health.beat > 0));
+        notify_watch(monitor->config.manager, &health, now);
         if (monitor->config.each) {
             monitor->config.each(monitor->config.context);
         }

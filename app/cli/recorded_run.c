@@ -110,27 +110,6 @@ static bool recorded_run_is_request(const char *text)
     return true;
 }
 
-/* Counts the requests among the events ("TIME PRIORITY TEXT" each), and stores the first. */
-static void recorded_run_read_events(FILE *file, struct recorded_run *run)
-{
-    char line[RECORDER_EVENT_TEXT + 64];
-
-    while (fgets(line, sizeof line, file)) {
-        char *priority, *text;
-
-        line[strcspn(line, "\n")] = '\0';
-        priority = strchr(line, ' ');
-        text = priority ? strchr(priority + 1, ' ') : NULL;
-        if (!text || !recorded_run_is_request(text + 1)) {
-            continue;
-        }
-        if (run->requests++ == 0) {
-            snprintf(run->first, sizeof run->first, "%.*s s %s", (int)(priority - line), line,
-                     text + 1);
-        }
-    }
-}
-
 void recorded_run_read(const char *directory, struct recorded_run *run)
 {
     FILE *summary = recorded_run_open(directory, RECORDER_SUMMARY);
@@ -142,7 +121,23 @@ void recorded_run_read(const char *directory, struct recorded_run *run)
         fclose(summary);
     }
     if (events) {
-        recorded_run_read_events(events, run);
+        char line[RECORDER_EVENT_TEXT + 64];
+
+        /* Count the requests among the events ("TIME PRIORITY TEXT" each), and store the first */
+        while (fgets(line, sizeof line, events)) {
+            char *priority, *text;
+
+            line[strcspn(line, "\n")] = '\0';
+            priority = strchr(line, ' ');
+            text = priority ? strchr(priority + 1, ' ') : NULL;
+            if (!text || !recorded_run_is_request(text + 1)) {
+                continue;
+            }
+            if (run->requests++ == 0) {
+                snprintf(run->first, sizeof run->first, "%.*s s %s", (int)(priority - line), line,
+                         text + 1);
+            }
+        }
         fclose(events);
     }
 }

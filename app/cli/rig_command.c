@@ -11,18 +11,6 @@
 #include <stdatomic.h>
 #include <time.h>
 
-/* Warns about keys with an old name. */
-static void rig_command_warn_old(const char *name, const struct rig *rig)
-{
-    for (const struct yaml_old_key *old = rig->old_key; old; old = old->next) {
-        fprintf(stderr,
-                "%scoman-hil %s: warning: %s:%d:%d: found old key \"personality\", expected "
-                "\"protocol\" with the name or the file of the protocol\n",
-                journal_prefix(JOURNAL_WARNING), name, old->mark.file, old->mark.line,
-                old->mark.column);
-    }
-}
-
 int rig_command(const char *name, const char *path, void *options,
                 int (*body)(void *options, const struct rig *rig, struct arena *arena))
 {
@@ -39,7 +27,14 @@ int rig_command(const char *name, const char *path, void *options,
     if (solid_store_open(&error) || rig_load(path, &arena, &rig, &error)) {
         status = command_fail(name, &error);
     } else {
-        rig_command_warn_old(name, rig);
+        /* Warn about keys with an old name */
+        for (const struct yaml_old_key *old = rig->old_key; old; old = old->next) {
+            fprintf(stderr,
+                    "%scoman-hil %s: warning: %s:%d:%d: found old key \"personality\", expected "
+                    "\"protocol\" with the name or the file of the protocol\n",
+                    journal_prefix(JOURNAL_WARNING), name, old->mark.file, old->mark.line,
+                    old->mark.column);
+        }
         status = body(options, rig, &arena);
     }
     solid_store_close();
@@ -187,21 +182,6 @@ bool rig_command_stop_requested(void)
     return atomic_load(&stop_requested);
 }
 
-/* Handles a polite signal, unless it is ignored (nohup, systemd's IgnoreSIGPIPE) or has another
- * handler (a service's reload). */
-static void take_polite_signal(struct polite_signal *polite)
-{
-    const struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESTART};
-    struct sigaction before;
-
-    if (!polite->taken && !sigaction(polite->number, NULL, &before)) {
-        polite->taken = before.sa_handler == SIG_DFL;
-    }
-    if (polite->taken) {
-        sigaction(polite->number, &action, NULL);
-    }
-}
-
 void rig_command_on_stop(void (*stop)(void *context), void *context)
 {
     /* Restart an interrupted write */
@@ -214,7 +194,16 @@ void rig_command_on_stop(void (*stop)(void *context), void *context)
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
     for (size_t i = 0; i < ARRAY_COUNT(polite_signals); i++) {
-        take_polite_signal(&polite_signals[i]);
+        struct sigaction before;
+
+        /* Handle a polite signal, unless it is ignored (nohup, systemd's IgnoreSIGPIPE) or has
+         * another handler (a service's reload) */
+        if (!polite_signals[i].taken && !sigaction(polite_signals[i].number, NULL, &before)) {
+            polite_signals[i].taken = before.sa_handler == SIG_DFL;
+        }
+        if (polite_signals[i].taken) {
+            sigaction(polite_signals[i].number, &action, NULL);
+        }
     }
 }
 

@@ -114,19 +114,6 @@ static const struct option_spec options[] = {
      .value = &read.quiet},
 };
 
-/* Writes the help on faults: one line per kind. */
-static void list_fault_kinds(char list[KINDS_SIZE])
-{
-    size_t used = 0, count = faults_help(0, NULL, 0);
-    char line[256];
-
-    list[0] = '\0';
-    for (size_t i = 0; i < count && used < KINDS_SIZE; i++) {
-        faults_help(i, line, sizeof line);
-        used += (size_t)snprintf(list + used, KINDS_SIZE - used, "  %s\n", line);
-    }
-}
-
 bool run_options_read(int argc, char **argv, struct run_options *out, int *status)
 {
     static const struct operand_spec operands[] = {
@@ -140,8 +127,15 @@ bool run_options_read(int argc, char **argv, struct run_options *out, int *statu
         .manual = manual,
     };
     char kinds[KINDS_SIZE];
+    size_t used = 0, count = faults_help(0, NULL, 0);
+    char line[256];
 
-    list_fault_kinds(kinds);
+    /* Write the help on faults: one line per kind */
+    kinds[0] = '\0';
+    for (size_t i = 0; i < count && used < KINDS_SIZE; i++) {
+        faults_help(i, line, sizeof line);
+        used += (size_t)snprintf(kinds + used, KINDS_SIZE - used, "  %s\n", line);
+    }
     options_insert(manual, sizeof manual, MANUAL_RUN, "@FAULT_KINDS@", kinds);
     read = (struct run_options){.duration_s = INFINITY,
                                 .http_linger_s = -1.0,

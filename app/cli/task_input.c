@@ -58,29 +58,6 @@ static void sweep_write_table(struct report *report, const struct sweep_point *p
                 in);
 }
 
-/* Fills the columns of a response: magnitude, phase unwrapped to steps below half a turn,
- * coherence; NAN if it was not measured. */
-static void sweep_fill(const struct sweep_point *point, size_t count, int k, double *column)
-{
-    double *magnitude = column, *phase = column + count, *coherence = column + 2 * count;
-    const double none = (double)NAN;
-    double turns = 0, last = none;
-
-    for (size_t i = 0; i < count; i++) {
-        const struct sweep_response *response = &point[i].response[k];
-        double degrees = response->phase_rad * 180 / M_PI;
-        bool heard = sweep_was_heard(response);
-
-        if (heard && !isnan(last)) {
-            turns -= rint((degrees + 360 * turns - last) / 360);
-        }
-        magnitude[i] = heard ? response->magnitude : none;
-        phase[i] = heard ? degrees + 360 * turns : none;
-        coherence[i] = heard ? response->coherence : none;
-        last = heard ? phase[i] : last;
-    }
-}
-
 /* Draws the Bode plots; value has room for all columns and the frequencies. */
 static void sweep_draw(struct report *report, const struct sweep_point *point, size_t count,
                        double *value)
@@ -95,7 +72,26 @@ static void sweep_draw(struct report *report, const struct sweep_point *point, s
         frequency[i] = point[i].frequency_hz;
     }
     for (int k = 0; k < SWEEP_RESPONSES; k++) {
-        sweep_fill(point, count, k, value + (size_t)k * PANELS * count);
+        double *column = value + (size_t)k * PANELS * count;
+        double *magnitude = column, *phase = column + count, *coherence = column + 2 * count;
+        const double none = (double)NAN;
+        double turns = 0, last = none;
+
+        /* Fill the columns of a response: magnitude, phase unwrapped to steps below half a
+         * turn, coherence; NAN if it was not measured */
+        for (size_t i = 0; i < count; i++) {
+            const struct sweep_response *response = &point[i].response[k];
+            double degrees = response->phase_rad * 180 / M_PI;
+            bool heard = sweep_was_heard(response);
+
+            if (heard && !isnan(last)) {
+                turns -= rint((degrees + 360 * turns - last) / 360);
+            }
+            magnitude[i] = heard ? response->magnitude : none;
+            phase[i] = heard ? degrees + 360 * turns : none;
+            coherence[i] = heard ? response->coherence : none;
+            last = heard ? phase[i] : last;
+        }
     }
 
     /* Angles are in one row of panels, the torque in another */

@@ -95,26 +95,20 @@ enum error_code token_file_read(const char *path, struct page_tokens *tokens, st
 
 /* ---- writing ---- */
 
-/* Creates the missing folders above a file, for the owner only. */
-static void token_file_make_folders(const char *path)
+enum error_code token_file_write(const char *path, const struct page_tokens *tokens,
+                                 struct error *error)
 {
+    struct whole_file file;
+    enum error_code code;
     char folder[PATH_MAX];
 
+    /* Create the missing folders above a file, for the owner only */
     snprintf(folder, sizeof folder, "%s", path);
     for (char *at = strchr(folder + 1, '/'); at; at = strchr(at + 1, '/')) {
         *at = '\0';
         mkdir(folder, 0700);
         *at = '/';
     }
-}
-
-enum error_code token_file_write(const char *path, const struct page_tokens *tokens,
-                                 struct error *error)
-{
-    struct whole_file file;
-    enum error_code code;
-
-    token_file_make_folders(path);
     code = whole_file_open(&file, path, error);
     if (code) {
         return error_prefix(error, "--token-file");

@@ -31,9 +31,17 @@ static const char *print_until_mark(const char *text, const char *mark, FILE *ou
     return at + strlen(mark) + strlen("\n");
 }
 
-/* Prints each phase's budget in instructions, and its measured time. */
-static void topic_print_budget(FILE *out)
+void topic_rt(FILE *out)
 {
+    const char *text = print_until_mark(MANUAL_RT, "@PHASES@", out);
+
+    /* Print the work of each phase of the loop */
+    for (int p = 0; p < PHASE_COUNT; p++) {
+        fprintf(out, "  %-10s", loop_phase_name((enum loop_phase)p));
+        options_wrap(phase_budgets[p].does, NAME_COLUMN, NAME_COLUMN, out);
+    }
+    text = print_until_mark(text, "@BUDGET@", out);
+    /* Print each phase's budget in instructions, and its measured time */
     uint32_t sum = 0;
 
     fprintf(out, "  %-10s%14s%9s%12s%9s%9s\n", "phase", "instructions", "share", "measured", "99 %",
@@ -48,19 +56,6 @@ static void topic_print_budget(FILE *out)
         sum += budget->instructions;
     }
     fprintf(out, "  %-10s%14" PRIu32 "%7.2f %%\n", "sum", sum, 100.0 * sum / TICK_INSTRUCTIONS);
-}
-
-void topic_rt(FILE *out)
-{
-    const char *text = print_until_mark(MANUAL_RT, "@PHASES@", out);
-
-    /* Prints the work of each phase of the loop */
-    for (int p = 0; p < PHASE_COUNT; p++) {
-        fprintf(out, "  %-10s", loop_phase_name((enum loop_phase)p));
-        options_wrap(phase_budgets[p].does, NAME_COLUMN, NAME_COLUMN, out);
-    }
-    text = print_until_mark(text, "@BUDGET@", out);
-    topic_print_budget(out);
     options_wrap(text, 0, 0, out);
 }
 

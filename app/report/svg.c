@@ -145,24 +145,6 @@ static int tick_digits(double step)
     return (int)fmax(0.0, fmin(17.0, -floor(log10(step) + 1e-9)));
 }
 
-/* Writes the label of a tick. On a logarithmic axis, number is the exponent of ten. */
-static void put_tick_label(FILE *out, const struct scale *scale, double number, double step)
-{
-    double largest = fmax(fabs(scale->min), fabs(scale->max));
-
-    if (scale->axis->logarithmic) {
-        if (number >= -2.0 && number <= 4.0) {
-            fprintf(out, "%g", pow(10.0, number));
-        } else {
-            fprintf(out, "1e%d", (int)number);
-        }
-    } else if (largest >= 1e6 || largest < 1e-3) {
-        fprintf(out, "%.3g", number);
-    } else {
-        fprintf(out, "%.*f", tick_digits(step), number);
-    }
-}
-
 /* Draws a tick: a grid line and its label. */
 static void put_tick(const struct page *page, const struct scale *scale, bool vertical,
                      double number, double step)
@@ -181,7 +163,20 @@ static void put_tick(const struct page *page, const struct scale *scale, bool ve
         fprintf(page->out, "<text x=\"%.2f\" y=\"%.2f\" text-anchor=\"middle\">", at,
                 page->y.from + 18.0);
     }
-    put_tick_label(page->out, scale, number, step);
+    /* Write the label of a tick. On a logarithmic axis, number is the exponent of ten. */
+    double largest = fmax(fabs(scale->min), fabs(scale->max));
+
+    if (scale->axis->logarithmic) {
+        if (number >= -2.0 && number <= 4.0) {
+            fprintf(page->out, "%g", pow(10.0, number));
+        } else {
+            fprintf(page->out, "1e%d", (int)number);
+        }
+    } else if (largest >= 1e6 || largest < 1e-3) {
+        fprintf(page->out, "%.3g", number);
+    } else {
+        fprintf(page->out, "%.*f", tick_digits(step), number);
+    }
     fputs("</text>\n", page->out);
 }
 
@@ -358,27 +353,6 @@ static int legend_place(const struct svg_plot *plot, size_t s, double from, doub
     }
 }
 
-/* Starts a document, or the part of a page, with its background. */
-static void open_svg(const struct svg_plot *plot, int width, int height, FILE *out)
-{
-    if (plot->part) {
-        fputs("<svg class=\"plot\" role=\"img\"", out);
-    } else {
-        fprintf(out, "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\"", width,
-                height);
-    }
-    fprintf(out, " viewBox=\"0 0 %d %d\" font-family=\"sans-serif\" font-size=\"12\">\n", width,
-            height);
-    if (!plot->part) {
-        fputs("<style>.grid{stroke:#ddd;fill:none}.axis{stroke:#000;fill:none}"
-              ".line{stroke-width:1.5;fill:none;stroke-linejoin:round}.title{font-size:15px}"
-              "</style>\n",
-              out);
-    }
-    fprintf(out, "<rect%s width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",
-            plot->part ? " class=\"paper\"" : "", width, height);
-}
-
 /* Returns the width of a plot, px. */
 static int plot_width(const struct svg_plot *plot)
 {
@@ -462,7 +436,24 @@ enum error_code svg_write_panels(const struct svg_plot *panel, size_t npanel, FI
     }
 
     /* Draw the panels one below the other, each with its own clip area */
-    open_svg(panel, plot_width(panel), height, out);
+    const int width = plot_width(panel);
+
+    if (panel->part) {
+        fputs("<svg class=\"plot\" role=\"img\"", out);
+    } else {
+        fprintf(out, "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\"", width,
+                height);
+    }
+    fprintf(out, " viewBox=\"0 0 %d %d\" font-family=\"sans-serif\" font-size=\"12\">\n", width,
+            height);
+    if (!panel->part) {
+        fputs("<style>.grid{stroke:#ddd;fill:none}.axis{stroke:#000;fill:none}"
+              ".line{stroke-width:1.5;fill:none;stroke-linejoin:round}.title{font-size:15px}"
+              "</style>\n",
+              out);
+    }
+    fprintf(out, "<rect%s width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",
+            panel->part ? " class=\"paper\"" : "", width, height);
     for (size_t i = 0; !code && i < npanel; i++) {
         char area[32];
 

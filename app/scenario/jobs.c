@@ -88,32 +88,6 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
     free(again);
 }
 
-/* Runs a job in a child process, sends the outcome through the pipe, and ends the process. */
-static void job_run_in_child(const struct scenario_job *job,
-                             const struct scenario_jobs_options *options, int out, pid_t parent)
-{
-    static struct scenario_outcome outcome;
-    const char *from = (const char *)&outcome;
-    size_t left = sizeof outcome;
-
-    /* End this child when its parent ends, also if the parent died before this call */
-    prctl(PR_SET_PDEATHSIG, SIGKILL);
-    if (getppid() != parent) {
-        _exit(EXIT_FAILURE);
-    }
-    job_run_here(job, options, &outcome);
-    while (left > 0) {
-        ssize_t n = write(out, from, left);
-
-        if (n < 0 && errno != EINTR) {
-            _exit(EXIT_FAILURE);
-        }
-        from += n > 0 ? n : 0;
-        left -= n > 0 ? (size_t)n : 0;
-    }
-    _exit(EXIT_SUCCESS);
-}
-
 /* ---- the pool ---- */
 
 /* Starts a job in a process. */
@@ -143,7 +117,28 @@ static enum error_code job_start(struct pool *pool, struct scenario_job *job, st
     }
     if (process->pid == 0) {
         close(ends[0]);
-        job_run_in_child(job, pool->options, ends[1], parent);
+        /* Run a job in a child process, send the outcome through the pipe, and end the
+         * process */
+        static struct scenario_outcome outcome;
+        const char *from = (const char *)&outcome;
+        size_t left = sizeof outcome;
+
+        /* End this child when its parent ends, also if the parent died before this call */
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
+        if (getppid() != parent) {
+            _exit(EXIT_FAILURE);
+        }
+        job_run_here(job, pool->options, &outcome);
+        while (left > 0) {
+            ssize_t n = write(ends[1], from, left);
+
+            if (n < 0 && errno != EINTR) {
+                _exit(EXIT_FAILURE);
+            }
+            from += n > 0 ? n : 0;
+            left -= n > 0 ? (size_t)n : 0;
+        }
+        _exit(EXIT_SUCCESS);
     }
     close(ends[1]);
     process->job = job;
@@ -184,21 +179,6 @@ static void job_end(struct pool *pool, struct process *process, const char *why)
     job->ended = true;
     process->job = NULL;
     pool->running--;
-}
-
-/* Reads available bytes of a process's outcome. Finishes the job when the outcome is complete or
- * the pipe is closed. */
-static void job_take_outcome(struct pool *pool, struct process *process)
-{
-    unsigned char *to = (unsigned char *)&process->outcome;
-    ssize_t n = read(process->pipe, to + process->got, sizeof process->outcome - process->got);
-
-    if (n > 0) {
-        process->got += (size_t)n;
-    }
-    if (n == 0 || (n < 0 && errno != EINTR) || process->got == sizeof process->outcome) {
-        job_end(pool, process, NULL);
-    }
 }
 
 /* Ends a process that has exceeded its scenario's processor time. Also ends a process that has used
@@ -243,7 +223,18 @@ static void jobs_attend(struct pool *pool)
         struct process *process = &pool->process[i];
 
         if (process->job && fd[i].revents) {
-            job_take_outcome(pool, process);
+            unsigned char *to = (unsigned char *)&process->outcome;
+            ssize_t n =
+                read(process->pipe, to + process->got, sizeof process->outcome - process->got);
+
+            /* Read available bytes of a process's outcome. Finish the job when the outcome is
+             * complete or the pipe is closed. */
+            if (n > 0) {
+                process->got += (size_t)n;
+            }
+            if (n == 0 || (n < 0 && errno != EINTR) || process->got == sizeof process->outcome) {
+                job_end(pool, process, NULL);
+            }
         } else if (process->job) {
             job_check_time(pool, process);
         }

@@ -156,44 +156,6 @@ static void expectation_judge_signal(struct judged *judged, double value, int64_
     }
 }
 
-/* Judges the time since the last frame. It must not be too long or too short; several frames in one
- * tick are too short. */
-static void expectation_judge_period(struct judged *judged, int64_t time_ns)
-{
-    const double *band = judged->what->band;
-    int64_t gap_ns = time_ns - judged->last_ns;
-    /* measured from the opening of the window, not from a frame */
-    bool first = judged->count == 0;
-    bool short_gap = judged->fresh > 0 && !first && gap_ns < scenario_ns(band[0]);
-    bool none = judged->fresh > 1 && band[0] > 0.0; /* several in one tick */
-
-    if (gap_ns > scenario_ns(band[1]) || short_gap || none) {
-        expectation_fail_period(judged, none ? 0 : gap_ns, time_ns);
-    }
-}
-
-/* Judges the frames or events of this tick. */
-static void expectation_judge_matches(struct judged *judged, int64_t time_ns)
-{
-    const double *band = judged->what->band;
-
-    if (judged->what->look == SCENARIO_PERIOD) {
-        expectation_judge_period(judged, time_ns);
-    }
-    if (judged->fresh > 0 && judged->progress == OPEN) {
-        judged->count += judged->fresh;
-        judged->last_ns = time_ns;
-    }
-
-    /* Decide early: too many, or enough without an upper bound */
-    if (judged->what->look == SCENARIO_SEEN && (double)judged->count > band[1]) {
-        expectation_fail_count(judged, time_ns);
-    } else if (judged->what->look == SCENARIO_SEEN && band[1] == DBL_MAX &&
-               (double)judged->count >= band[0]) {
-        expectation_decide(judged, true, time_ns);
-    }
-}
-
 /* Decides an undecided expectation at the end of its window or of the run. */
 static void expectation_close_window(struct judged *judged, int64_t time_ns)
 {
@@ -234,7 +196,34 @@ static void expectation_step(struct judged *judged, double value,
         expectation_close_window(judged, label + scenario_ns(what->to_s));
     }
     if (judged->progress == OPEN && !what->signal) {
-        expectation_judge_matches(judged, time_ns);
+        const double *band = judged->what->band;
+
+        /* Judge the frames or events of this tick */
+        if (judged->what->look == SCENARIO_PERIOD) {
+            int64_t gap_ns = time_ns - judged->last_ns;
+            /* measured from the opening of the window, not from a frame */
+            bool first = judged->count == 0;
+            bool short_gap = judged->fresh > 0 && !first && gap_ns < scenario_ns(band[0]);
+            bool none = judged->fresh > 1 && band[0] > 0.0; /* several in one tick */
+
+            /* Judge the time since the last frame. It must not be too long or too short;
+             * several frames in one tick are too short. */
+            if (gap_ns > scenario_ns(band[1]) || short_gap || none) {
+                expectation_fail_period(judged, none ? 0 : gap_ns, time_ns);
+            }
+        }
+        if (judged->fresh > 0 && judged->progress == OPEN) {
+            judged->count += judged->fresh;
+            judged->last_ns = time_ns;
+        }
+
+        /* Decide early: too many, or enough without an upper bound */
+        if (judged->what->look == SCENARIO_SEEN && (double)judged->count > band[1]) {
+            expectation_fail_count(judged, time_ns);
+        } else if (judged->what->look == SCENARIO_SEEN && band[1] == DBL_MAX &&
+                   (double)judged->count >= band[0]) {
+            expectation_decide(judged, true, time_ns);
+        }
     }
 
     /* Open the window after the tick's frames, so that these frames do not count */

@@ -19,28 +19,6 @@
 /* Time between SIGTERM and SIGKILL. */
 enum { PATIENCE_MS = 1000 };
 
-/* Executes the program in the new process. The program ends when its parent ends. */
-static void program_execute(const char *command, uint16_t port, const char *scratch, int output,
-                            pid_t parent)
-{
-    int input = open("/dev/null", O_RDONLY);
-    char place[32];
-
-    prctl(PR_SET_PDEATHSIG, SIGKILL);
-    setpgid(0, 0);
-    snprintf(place, sizeof place, "127.0.0.1:%u", port);
-
-    /* Pass the gateway's address in the environment, and redirect the output to the log */
-    if (getppid() != parent || input < 0 || dup2(input, STDIN_FILENO) < 0 ||
-        dup2(output, STDOUT_FILENO) < 0 || dup2(output, STDERR_FILENO) < 0 ||
-        setenv(SCENARIO_PROGRAM_GATEWAY, place, 1) ||
-        (scratch && setenv(SCENARIO_PROGRAM_SCRATCH, scratch, 1))) {
-        _exit(127);
-    }
-    execl("/bin/sh", "sh", "-c", command, (char *)NULL);
-    _exit(127);
-}
-
 enum error_code scenario_program_start(struct scenario_program *program, const char *command,
                                        uint16_t port, const char *record, const char *scratch,
                                        struct error *error)
@@ -59,7 +37,23 @@ enum error_code scenario_program_start(struct scenario_program *program, const c
     }
     program->pid = fork();
     if (program->pid == 0) {
-        program_execute(command, port, scratch, output, parent);
+        int input = open("/dev/null", O_RDONLY);
+        char place[32];
+
+        /* Execute the program in the new process. The program ends when its parent ends. */
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
+        setpgid(0, 0);
+        snprintf(place, sizeof place, "127.0.0.1:%u", port);
+
+        /* Pass the gateway's address in the environment, and redirect the output to the log */
+        if (getppid() != parent || input < 0 || dup2(input, STDIN_FILENO) < 0 ||
+            dup2(output, STDOUT_FILENO) < 0 || dup2(output, STDERR_FILENO) < 0 ||
+            setenv(SCENARIO_PROGRAM_GATEWAY, place, 1) ||
+            (scratch && setenv(SCENARIO_PROGRAM_SCRATCH, scratch, 1))) {
+            _exit(127);
+        }
+        execl("/bin/sh", "sh", "-c", command, (char *)NULL);
+        _exit(127);
     }
     reason = errno;
     close(output);

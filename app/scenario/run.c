@@ -46,14 +46,6 @@ struct run {
 
 /* ---- once per tick ---- */
 
-/* Counts DONE frames. A program waits for a DONE after each of its STEP frames. */
-static void observe_done(struct run *run, size_t bus, const struct bus_frame *frame)
-{
-    const struct loop_lockstep *lockstep = &run->view.rig->lockstep;
-
-    run->dones += bus == (size_t)lockstep->bus && frame->id == lockstep->done_id;
-}
-
 /* Passes all frames of the tick to the expectations. */
 static void observe_frames(struct run *run)
 {
@@ -63,7 +55,10 @@ static void observe_frames(struct run *run)
         do {
             count = can_receive(run->ports.port[b], run->batch, BATCH);
             for (size_t i = 0; i < count; i++) {
-                observe_done(run, b, &run->batch[i]);
+                const struct loop_lockstep *lockstep = &run->view.rig->lockstep;
+
+                /* Count DONE frames. A program waits for a DONE after each of its STEP frames. */
+                run->dones += b == (size_t)lockstep->bus && run->batch[i].id == lockstep->done_id;
                 scenario_expectations_frame(run->expectations, b, &run->batch[i]);
             }
         } while (count == BATCH);
@@ -93,87 +88,25 @@ static bool motors_are_all_on(const struct run *run)
     return on >= run->view.rig->naxis;
 }
 
-/* Sets the labels `ready` and `clean_up` when they happen. */
-static void set_labels(struct run *run, int64_t time_ns)
+/* Judges the tick that ended at time_ns, and executes stimuli. Ends the run at a failure. The
+ * tick's frames and events must have been observed. */
+static void scenario_run_judge_tick(struct run *run, int64_t time_ns)
 {
     int64_t *label = run->clock.label_ns;
     bool ready = run->starts ? run->view.host_phase == HOST_READY : motors_are_all_on(run);
 
+    /* Set the labels `ready` and `clean_up` when they happen */
     if (label[SCENARIO_LABEL_READY] < 0 && ready) {
         label[SCENARIO_LABEL_READY] = time_ns;
     }
     if (label[SCENARIO_LABEL_CLEAN_UP] < 0 && time_ns >= run->duration_ns) {
         label[SCENARIO_LABEL_CLEAN_UP] = time_ns;
     }
-}
-
-/* Passes an observed DONE to the program, and waits until it is sent. Frames that the program sends
- * afterwards, and frames of stimuli, then belong to the next tick in every run. */
-static void scenario_run_release_program(struct run *run, struct gateway *gateway)
-{
-    const struct timespec pause = {.tv_nsec = 10000};
-    const int64_t until = clock_now(run->wall) + DONE_PATIENCE_NS;
-
-    run->released = run->dones;
-    gateway_release_done(gateway);
-    while (gateway_done_count(gateway) < run->dones && clock_now(run->wall) < until) {
-        nanosleep(&pause, NULL);
-    }
-}
-
-/* Ends a run in lockstep that gets no more STEP frames: the program has ended, or the wall-clock
- * limit has passed. */
-static void scenario_run_watch_steps(struct run *run)
-{
-    const double limit_s = run->scenario->wall_limit_s;
-
-    if (scenario_program_ended(&run->program, run->broken, sizeof run->broken)) {
-        simulator_stop(run->view.simulator);
-    } else if (clock_now(run->wall) - run->stepped_ns > scenario_ns(limit_s)) {
-        snprintf(run->broken, sizeof run->broken, "no STEP has come for %g s of wall-clock time",
-                 limit_s);
-        simulator_stop(run->view.simulator);
-    }
-}
-
-/* Lets the program continue after a DONE, or after a refused STEP, which causes no tick. */
-static void scenario_run_program(struct run *run)
-{
-    struct gateway *gateway = simulator_gateway(run->view.simulator);
-    const uint64_t mismatches = simulator_stats(run->view.simulator)->lockstep.mismatches;
-
-    if (!gateway) {
-        return;
-    }
-    if (run->dones > run->released) {
-        scenario_run_release_program(run, gateway);
-    } else if (mismatches != run->mismatches) {
-        run->mismatches = mismatches;
-        gateway_release_done(gateway);
-    }
-}
-
-/* Judges the tick that ended at time_ns, and executes stimuli. Ends the run at a failure. The
- * tick's frames and events must have been observed. */
-static void scenario_run_judge_tick(struct run *run, int64_t time_ns)
-{
-    set_labels(run, time_ns);
     scenario_stimuli_step(run->stimuli, &run->view, &run->ports, &run->clock, time_ns);
     if (scenario_expectations_step(run->expectations, &run->view, &run->clock, time_ns) &&
         !run->to_the_end) {
         run->early = true;
         simulator_stop(run->view.simulator);
-    }
-}
-
-/* Lets the host start the boards and send frames, unless a stimulus silences it. */
-static void scenario_run_host(struct run *run)
-{
-    if (run->starts && run->view.host_phase < HOST_READY) {
-        run->view.host_phase = host_start_up(run->view.host);
-    }
-    if (!scenario_stimuli_silence(run->stimuli)) {
-        host_send(run->view.host);
     }
 }
 
@@ -190,9 +123,40 @@ static void scenario_run_step(void *context, int64_t time_ns)
         observe_events(run);
         run->stepped_ns = run->scenario->clock == LOOP_CLOCK_LOCKSTEP ? clock_now(run->wall) : 0;
     }
-    scenario_run_program(run);
+    /* Let the program continue after a DONE, or after a refused STEP, which causes no tick */
+    struct gateway *gateway = simulator_gateway(run->view.simulator);
+    const uint64_t mismatches = simulator_stats(run->view.simulator)->lockstep.mismatches;
+
+    if (gateway) {
+        if (run->dones > run->released) {
+            const struct timespec pause = {.tv_nsec = 10000};
+            const int64_t until = clock_now(run->wall) + DONE_PATIENCE_NS;
+
+            /* Pass an observed DONE to the program, and wait until it is sent. Frames that the
+             * program sends afterwards, and frames of stimuli, then belong to the next tick in every
+             * run. */
+            run->released = run->dones;
+            gateway_release_done(gateway);
+            while (gateway_done_count(gateway) < run->dones && clock_now(run->wall) < until) {
+                nanosleep(&pause, NULL);
+            }
+        } else if (mismatches != run->mismatches) {
+            run->mismatches = mismatches;
+            gateway_release_done(gateway);
+        }
+    }
     if (!fresh) {
-        scenario_run_watch_steps(run);
+        const double limit_s = run->scenario->wall_limit_s;
+
+        /* End a run in lockstep that gets no more STEP frames: the program has ended, or the
+         * wall-clock limit has passed */
+        if (scenario_program_ended(&run->program, run->broken, sizeof run->broken)) {
+            simulator_stop(run->view.simulator);
+        } else if (clock_now(run->wall) - run->stepped_ns > scenario_ns(limit_s)) {
+            snprintf(run->broken, sizeof run->broken,
+                     "no STEP has come for %g s of wall-clock time", limit_s);
+            simulator_stop(run->view.simulator);
+        }
     }
 
     /* In lockstep, the host waits for DONE */
@@ -204,7 +168,13 @@ static void scenario_run_step(void *context, int64_t time_ns)
         scenario_run_judge_tick(run, time_ns);
     }
     if (run->has_host) {
-        scenario_run_host(run);
+        /* Let the host start the boards and send frames, unless a stimulus silences it */
+        if (run->starts && run->view.host_phase < HOST_READY) {
+            run->view.host_phase = host_start_up(run->view.host);
+        }
+        if (!scenario_stimuli_silence(run->stimuli)) {
+            host_send(run->view.host);
+        }
     }
 }
 
@@ -421,38 +391,6 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     }
 }
 
-/* Creates, runs and destroys a simulator. The outcome is complete if no error is returned. */
-static enum error_code scenario_run_in_arena(struct run *run,
-                                             const struct scenario_options *options,
-                                             struct arena *arena, struct scenario_outcome *outcome,
-                                             struct error *error)
-{
-    const struct simulator_observer observer = {run, scenario_run_step};
-    struct realtime_report unused;
-    enum error_code code = scenario_run_create(run, options, &observer, arena, error);
-
-    if (!code) {
-        code = simulator_start(run->view.simulator, &unused, error);
-    }
-
-    /* The gateway must listen before the program starts */
-    if (!code && run->scenario->host == SCENARIO_HOST_PROGRAM) {
-        code = scenario_program_start(&run->program, options->program,
-                                      gateway_port(simulator_gateway(run->view.simulator)),
-                                      options->record, options->scratch, error);
-    }
-    if (!code) {
-        enum loop_end end = simulator_run(run->view.simulator);
-
-        scenario_program_stop(&run->program);
-        scenario_run_finish(run, options, end, outcome);
-    }
-    bus_ports_close(&run->host_ports);
-    bus_ports_close(&run->ports);
-    simulator_destroy(run->view.simulator);
-    return code;
-}
-
 void scenario_run(struct scenario *scenario, const struct scenario_options *options,
                   struct scenario_outcome *outcome)
 {
@@ -485,7 +423,30 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
     code = solid_store_open(&error);
     code = code ? code : arena_init(&arena, MEMORY, &error);
     if (!code) {
-        code = scenario_run_in_arena(run, options, &arena, outcome, &error);
+        const struct simulator_observer observer = {run, scenario_run_step};
+        struct realtime_report unused;
+
+        /* Create, run and destroy a simulator */
+        code = scenario_run_create(run, options, &observer, &arena, &error);
+        if (!code) {
+            code = simulator_start(run->view.simulator, &unused, &error);
+        }
+
+        /* The gateway must listen before the program starts */
+        if (!code && run->scenario->host == SCENARIO_HOST_PROGRAM) {
+            code = scenario_program_start(&run->program, options->program,
+                                          gateway_port(simulator_gateway(run->view.simulator)),
+                                          options->record, options->scratch, &error);
+        }
+        if (!code) {
+            enum loop_end end = simulator_run(run->view.simulator);
+
+            scenario_program_stop(&run->program);
+            scenario_run_finish(run, options, end, outcome);
+        }
+        bus_ports_close(&run->host_ports);
+        bus_ports_close(&run->ports);
+        simulator_destroy(run->view.simulator);
         arena_fini(&arena);
     }
     solid_store_close();

@@ -96,16 +96,6 @@ static void stimulus_switch_fault(struct scenario_stimuli *stimuli, size_t index
     faults_set(faults, time_ns, (size_t)state->fault, active);
 }
 
-/* Makes the host switch one motor or all motors. */
-static void switch_motors(const struct scenario_motor *motor, const struct scenario_view *view)
-{
-    for (size_t i = 0; i < view->rig->naxis; i++) {
-        if (motor->axis < 0 || motor->axis == (int)i) {
-            host_set_motor(view->host, i, motor->on);
-        }
-    }
-}
-
 /* Sets or ends a push on a body. */
 static void stimulus_push(const struct scenario_push *what, const struct scenario_view *view,
                           bool on)
@@ -135,7 +125,12 @@ static void stimulus_act(struct scenario_stimuli *stimuli, size_t index,
         host_set_voltage(view->host, (size_t)stimulus->voltage.axis, stimulus->voltage.volts);
         break;
     case SCENARIO_MOTOR:
-        switch_motors(&stimulus->motor, view);
+        /* Make the host switch one motor or all motors */
+        for (size_t i = 0; i < view->rig->naxis; i++) {
+            if (stimulus->motor.axis < 0 || stimulus->motor.axis == (int)i) {
+                host_set_motor(view->host, i, stimulus->motor.on);
+            }
+        }
         break;
     case SCENARIO_PUSH:
         stimulus_push(&stimulus->push, view, true);
@@ -147,20 +142,6 @@ static void stimulus_act(struct scenario_stimuli *stimuli, size_t index,
     case SCENARIO_MARK:
         break;
     }
-}
-
-/* Ends the effect of a stimulus. */
-static void stimulus_end(struct scenario_stimuli *stimuli, size_t index,
-                         const struct scenario_view *view, int64_t time_ns)
-{
-    const struct scenario_stimulus *stimulus = &stimuli->scenario->stimulus[index];
-
-    if (stimulus->action == SCENARIO_PUSH) {
-        stimulus_push(&stimulus->push, view, false);
-    } else if (stimulus->action == SCENARIO_FAULT) {
-        stimulus_switch_fault(stimuli, index, view, false, time_ns);
-    }
-    stimuli->state[index].over = true;
 }
 
 /* Returns the period of a stimulus's actions, ns; 0 = it acts once. */
@@ -197,7 +178,13 @@ static bool stimulus_step(struct scenario_stimuli *stimuli, size_t index,
 
     /* End after the duration; act at the start, and again after each period */
     if (stimulus->for_s > 0.0 && time_ns >= state->begin_ns + scenario_ns(stimulus->for_s)) {
-        stimulus_end(stimuli, index, view, time_ns);
+        /* End the effect of a stimulus */
+        if (stimulus->action == SCENARIO_PUSH) {
+            stimulus_push(&stimulus->push, view, false);
+        } else if (stimulus->action == SCENARIO_FAULT) {
+            stimulus_switch_fault(stimuli, index, view, false, time_ns);
+        }
+        stimuli->state[index].over = true;
     } else if (begins || (period_ns(stimulus) && time_ns >= state->next_ns)) {
         stimulus_act(stimuli, index, view, ports, time_ns);
         state->next_ns += period_ns(stimulus);

@@ -184,22 +184,6 @@ static enum error_code plan_write_result(const struct plan *plan, const struct p
 
 /* ---- the run ---- */
 
-/* Reads the scenario of a case, and inserts the case's values. */
-static enum error_code plan_read_scenario(const struct plan_case *one, struct arena *arena,
-                                          struct scenario **scenario, struct error *error)
-{
-    size_t count;
-    enum error_code code =
-        scenario_read_with(one->scenario, one->value, one->nvalue, arena, scenario, &count, error);
-
-    if (!code && count != 1) {
-        code =
-            error_set(error, ERROR_INPUT, "%.200s: found %zu cases, expected the one of the plan",
-                      one->scenario, count);
-    }
-    return code;
-}
-
 /* Converts the outcome of a job to the result of a case. Returns an error if the run did not
  * finish, or differs from the plan. */
 static enum error_code plan_judge(const struct plan *plan, const struct plan_case *one,
@@ -361,6 +345,7 @@ static enum error_code plan_prepare_case(struct plan_batch *batch, struct plan_s
     struct scenario_job *job = &batch->job[batch->njob];
     char path[PATH_MAX];
     enum error_code code;
+    size_t count;
 
     /* A case with a result is complete */
     plan_result_path(plan, slot->one->number, path);
@@ -377,7 +362,14 @@ static enum error_code plan_prepare_case(struct plan_batch *batch, struct plan_s
     job->seed_given = true;
     job->seed = slot->one->seed;
     snprintf(job->record, sizeof job->record, "%s", record ? record : "");
-    code = plan_read_scenario(slot->one, batch->arena, &job->scenario, error);
+    /* Read the scenario of a case, and insert the case's values */
+    code = scenario_read_with(slot->one->scenario, slot->one->value, slot->one->nvalue,
+                              batch->arena, &job->scenario, &count, error);
+    if (!code && count != 1) {
+        code =
+            error_set(error, ERROR_INPUT, "%.200s: found %zu cases, expected the one of the plan",
+                      slot->one->scenario, count);
+    }
     slot->job = job;
     code = code ? code : plan_make_scratch(plan, slot, batch->arena, error);
     if (code) {
@@ -423,20 +415,6 @@ static void plan_end_job(void *context, const struct scenario_job *job)
     plan_tell(batch, (size_t)(slot - batch->slot) + 1);
 }
 
-/* Loads the rig of the first case once. The forked processes then find its files, meshes and solids
- * in the stores. Ignores errors, because the case reports them. */
-static void plan_fill_stores(const struct plan_batch *batch)
-{
-    const struct rig *rig;
-    struct arena arena;
-    struct error unused;
-
-    if (batch->njob > 1 && !arena_init(&arena, RIG_MEMORY, &unused)) {
-        scenario_load_rig(batch->job[0].scenario, &arena, &rig, &unused);
-        arena_fini(&arena);
-    }
-}
-
 /* Runs the cases of a batch, and reports each. */
 static enum error_code plan_run_batch(struct plan_batch *batch, const struct plan_case *list,
                                       struct error *error)
@@ -446,6 +424,9 @@ static enum error_code plan_run_batch(struct plan_batch *batch, const struct pla
                                                   .ended = plan_end_job,
                                                   .context = batch};
     enum error_code code;
+    const struct rig *rig;
+    struct arena arena;
+    struct error unused;
 
     batch->slot = arena_alloc(batch->arena, batch->nslot, sizeof *batch->slot);
     batch->job = arena_alloc(batch->arena, batch->nslot, sizeof *batch->job);
@@ -457,7 +438,12 @@ static enum error_code plan_run_batch(struct plan_batch *batch, const struct pla
         batch->slot[i].one = &list[i];
         plan_prepare_case(batch, &batch->slot[i], &batch->slot[i].why);
     }
-    plan_fill_stores(batch);
+    /* Load the rig of the first case once. The forked processes then find its files, meshes and
+     * solids in the stores. Ignore errors, because the case reports them. */
+    if (batch->njob > 1 && !arena_init(&arena, RIG_MEMORY, &unused)) {
+        scenario_load_rig(batch->job[0].scenario, &arena, &rig, &unused);
+        arena_fini(&arena);
+    }
     code = scenario_jobs_run(batch->job, batch->njob, &options, error);
 
     /* Remove the scratch folders that an error has left */

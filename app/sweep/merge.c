@@ -111,16 +111,6 @@ static enum error_code plan_collect(const struct plan *plan, struct arena *arena
 
 /* ---- writing ---- */
 
-/* Writes a field of CSV in quotation marks (RFC 4180); line breaks become "; ". */
-static void merge_put_field(const char *text, FILE *out)
-{
-    fputc('"', out);
-    for (; *text; text++) {
-        fputs(*text == '"' ? "\"\"" : *text == '\n' ? "; " : (const char[2]){*text, '\0'}, out);
-    }
-    fputc('"', out);
-}
-
 size_t plan_names(const struct plan *plan, const char *name[PLAN_NAMES_MAX])
 {
     size_t count = 0;
@@ -185,7 +175,17 @@ static enum error_code merge_write_csv(const struct plan *plan, const struct pla
             fprintf(file.out, "%.9g", result[i].failed_s);
         }
         fprintf(file.out, ",%.9g,%016" PRIx64 ",", result[i].virtual_s, result[i].state_hash);
-        merge_put_field(result[i].message, file.out);
+        /* Write a field of CSV in quotation marks (RFC 4180); line breaks become "; " */
+        const char *text = result[i].message;
+
+        fputc('"', file.out);
+        for (; *text; text++) {
+            fputs(*text == '"'    ? "\"\""
+                  : *text == '\n' ? "; "
+                                  : (const char[2]){*text, '\0'},
+                  file.out);
+        }
+        fputc('"', file.out);
         fputc('\n', file.out);
     }
     return whole_file_close(&file, code, error);

@@ -264,17 +264,6 @@ static enum error_code plan_put_scenario(struct planner *planner, const struct y
     return code;
 }
 
-/* Writes the cases of all scenarios. */
-static enum error_code plan_put_all(struct planner *planner, struct arena *arena)
-{
-    enum error_code code = ERROR_NONE;
-
-    for (size_t i = 0; !code && i < planner->sweep->nscenario; i++) {
-        code = plan_put_scenario(planner, &planner->sweep->scenario[i], arena);
-    }
-    return code;
-}
-
 /* Refuses a plan if its folder of results has results of another plan. Checks the first result that
  * can be read. */
 static enum error_code plan_check_old_results(const char *path, const char *id, struct arena *arena,
@@ -381,7 +370,11 @@ enum error_code plan_write(const char *path_of_sweep, const char *path, size_t *
         code = plan_no_memory(error);
         goto done;
     }
-    code = plan_put_all(&planner, &arena);
+    /* Write the cases of all scenarios */
+    code = ERROR_NONE;
+    for (size_t i = 0; !code && i < planner.sweep->nscenario; i++) {
+        code = plan_put_scenario(&planner, &planner.sweep->scenario[i], &arena);
+    }
     if (code) {
         fclose(planner.lines);
     } else {

@@ -6,11 +6,9 @@
 #include "base/random.h"
 #include "base/text.h"
 
-#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 /* Default limits of a normal distribution, in standard deviations from the mean. */
 #define SWEEP_NORMAL_END 6.0

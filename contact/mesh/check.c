@@ -9,9 +9,7 @@
 
 #include <math.h>
 #include <stdbool.h>
-#include <stdint.h>
 #include <stdlib.h>
-#include <string.h>
 
 /* Minimum ratio of twice the area to the squared longest edge; a face below it is degenerate. */
 #define DEGENERATE_RATIO 1e-10

@@ -107,25 +107,6 @@ static double sides_common_depth(const struct solid *s, const int side[4])
     return x[3];
 }
 
-/* Returns the radius of the largest ball in a convex solid, which is its largest depth, m. Four
- * sides touch that ball, so it tries all combinations of four sides. */
-static double convex_deepest(const struct solid *s)
-{
-    const int n = (int)s->nfacet;
-    double deepest = 0;
-
-    for (int i = 0; i < n; i++) {
-        for (int j = i + 1; j < n; j++) {
-            for (int k = j + 1; k < n; k++) {
-                for (int l = k + 1; l < n; l++) {
-                    deepest = fmax(deepest, sides_common_depth(s, (const int[4]){i, j, k, l}));
-                }
-            }
-        }
-    }
-    return deepest;
-}
-
 /* ---- spokes ---- */
 
 /* Computes sums over the sides around each vertex, weighted by their angles there: products of the
@@ -219,23 +200,6 @@ static void spoke_from_normals(const double sum[9], double spoke[3])
         }
         for (int k = 0; k < 3 && a[i][i] > FLAT * whole; k++) {
             spoke[k] -= part / a[i][i] * v[k][i];
-        }
-    }
-}
-
-/* Computes for each vertex the smallest speed at which its spoke leaves an adjacent side. */
-static void field_find_least(const struct field_builder *b)
-{
-    const struct solid *s = b->solid;
-
-    for (size_t v = 0; v < b->nvertex; v++) {
-        b->least[v] = DBL_MAX;
-    }
-    for (size_t f = 0; f < s->nface; f++) {
-        for (int i = 0; i < 3; i++) {
-            int v = s->face[f][i];
-
-            b->least[v] = fmin(b->least[v], -vec3_dot(s->normal[f], b->spoke[v]));
         }
     }
 }
@@ -358,7 +322,19 @@ static enum error_code field_find_spokes(struct field_builder *b)
         spoke_from_normals(sum[v], b->spoke[v]);
     }
     free(sum);
-    field_find_least(b);
+    /* Compute for each vertex the smallest speed at which its spoke leaves an adjacent side */
+    const struct solid *s = b->solid;
+
+    for (size_t v = 0; v < b->nvertex; v++) {
+        b->least[v] = DBL_MAX;
+    }
+    for (size_t f = 0; f < s->nface; f++) {
+        for (int i = 0; i < 3; i++) {
+            int v = s->face[f][i];
+
+            b->least[v] = fmin(b->least[v], -vec3_dot(s->normal[f], b->spoke[v]));
+        }
+    }
     for (size_t v = 0; v < b->nvertex; v++) {
         b->depth[v] = spoke_find_depth(b, v);
     }
@@ -367,10 +343,15 @@ static enum error_code field_find_spokes(struct field_builder *b)
 
 /* ---- layers ---- */
 
-/* Returns the number of layers. Each layer is as thick as all layers above it; the number makes
- * the first one about as thick as the triangles are wide. */
-static int field_count_layers(const struct field_builder *b)
+/* Computes the nodes along the spokes on all layers, their depths, and the innermost point. */
+static enum error_code field_make_nodes(struct field_builder *b, struct field *field)
 {
+    const size_t n = b->nvertex;
+    double *inmost;
+
+    field->nvertex = n;
+    /* Choose the number of layers. Each layer is as thick as all layers above it; the number
+     * makes the first one about as thick as the triangles are wide. */
     const struct solid *s = b->solid;
     double width = 0, depth = 0;
     int layers = 1;
@@ -388,17 +369,7 @@ static int field_count_layers(const struct field_builder *b)
         depth /= 2;
         layers++;
     }
-    return layers;
-}
-
-/* Computes the nodes along the spokes on all layers, their depths, and the innermost point. */
-static enum error_code field_make_nodes(struct field_builder *b, struct field *field)
-{
-    const size_t n = b->nvertex;
-    double *inmost;
-
-    field->nvertex = n;
-    field->nlayer = field_count_layers(b);
+    field->nlayer = layers;
     b->node = arena_alloc(b->arena, (size_t)(field->nlayer + 1) * n + 1, sizeof *b->node);
     if (!b->node) {
         return field_no_memory(b);
@@ -522,7 +493,22 @@ enum error_code field_make(const struct solid *solid, const char *name, struct a
     *field = (struct field){.solid = solid};
     if (solid->convex && solid->nfacet <= FIELD_MAX_PLANES) {
         field->planar = true;
-        field->deepest = convex_deepest(solid);
+        /* The largest depth of a convex solid is the radius of the largest ball in it. Four sides
+         * touch that ball, so try all combinations of four sides. */
+        const int n = (int)solid->nfacet;
+        double deepest = 0;
+
+        for (int i = 0; i < n; i++) {
+            for (int j = i + 1; j < n; j++) {
+                for (int k = j + 1; k < n; k++) {
+                    for (int l = k + 1; l < n; l++) {
+                        deepest =
+                            fmax(deepest, sides_common_depth(solid, (const int[4]){i, j, k, l}));
+                    }
+                }
+            }
+        }
+        field->deepest = deepest;
         return ERROR_NONE;
     }
 

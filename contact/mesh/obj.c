@@ -245,35 +245,6 @@ static bool obj_parse_corner(const struct obj_token *token, bool strict, int64_t
     return at == end;
 }
 
-/* Checks a corner's index and adds its vertex to the polygon. */
-static enum error_code obj_read_corner(struct obj_reader *r, const struct obj_token *token)
-{
-    size_t nvertex = r->surface->nvertex;
-    int64_t index;
-
-    if (!obj_parse_corner(token, r->rules->strict, &index)) {
-        return obj_refuse_token(r, token,
-                                "a corner v, v/vt, v//vn or v/vt/vn of indices that are not 0");
-    }
-
-    /* Indices count from 1; negative indices count back from the newest vertex */
-    int64_t vertex = index > 0 ? index - 1 : (int64_t)nvertex + index;
-
-    if (vertex < 0 || vertex >= (int64_t)nvertex) {
-        return obj_refuse(r, token->place,
-                          "found vertex %lld, expected 1 to %zu or -1 to -%zu (the vertices above)",
-                          (long long)index, nvertex, nvertex);
-    }
-    if (r->ncorner == MESH_MAX_CORNERS) {
-        return obj_refuse(r, token->place,
-                          "found one more corner, expected a polygon of at most %zu",
-                          MESH_MAX_CORNERS);
-    }
-    r->polygon[r->ncorner] = (int)vertex;
-    r->polygon_place[r->ncorner++] = token->place;
-    return ERROR_NONE;
-}
-
 /* Returns the polygon's i-th corner, modulo their number, m. */
 static const double *obj_polygon_corner(const struct obj_reader *r, size_t i)
 {
@@ -351,10 +322,31 @@ static enum error_code obj_read_face(struct obj_reader *r, struct obj_place plac
 
     r->ncorner = 0;
     for (token = obj_next_token(r); token.length > 0; token = obj_next_token(r)) {
-        code = obj_read_corner(r, &token);
-        if (code) {
-            return code;
+        size_t nvertex = r->surface->nvertex;
+        int64_t index;
+
+        /* Check a corner's index and add its vertex to the polygon */
+        if (!obj_parse_corner(&token, r->rules->strict, &index)) {
+            return obj_refuse_token(r, &token,
+                                    "a corner v, v/vt, v//vn or v/vt/vn of indices that are not 0");
         }
+
+        /* Indices count from 1; negative indices count back from the newest vertex */
+        int64_t vertex = index > 0 ? index - 1 : (int64_t)nvertex + index;
+
+        if (vertex < 0 || vertex >= (int64_t)nvertex) {
+            return obj_refuse(
+                r, token.place,
+                "found vertex %lld, expected 1 to %zu or -1 to -%zu (the vertices above)",
+                (long long)index, nvertex, nvertex);
+        }
+        if (r->ncorner == MESH_MAX_CORNERS) {
+            return obj_refuse(r, token.place,
+                              "found one more corner, expected a polygon of at most %zu",
+                              MESH_MAX_CORNERS);
+        }
+        r->polygon[r->ncorner] = (int)vertex;
+        r->polygon_place[r->ncorner++] = token.place;
     }
     if (r->ncorner < 3) {
         return obj_refuse(r, token.place, "found a face of %zu corners, expected at least 3",

@@ -6,9 +6,7 @@
 #include "base/array.h"
 #include "base/vec3.h"
 
-#include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #define CONVEX_FACETS 256 /* solids with more facets are not tested for convexity */
 
@@ -222,21 +220,6 @@ static enum error_code solid_make_trees(struct solid_builder *b, struct solid *s
 
 /* ---- making a solid ---- */
 
-/* Computes box and size (diagonal, m) of the mesh. */
-static void solid_measure(struct solid_builder *b, struct solid *s)
-{
-    const struct mesh *m = b->mesh;
-    double diagonal[3];
-
-    s->box = box_of_point(m->vertex[0]);
-    for (size_t v = 1; v < m->nvertex; v++) {
-        box_add(&s->box, m->vertex[v]);
-    }
-    vec3_sub(s->box.high, s->box.low, diagonal);
-    b->size = vec3_norm(diagonal);
-    s->radius = b->size / 2;
-}
-
 enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct solid *solid,
                            struct error *error)
 {
@@ -261,7 +244,16 @@ enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct 
     }
 
     /* Copies the results, which are in the arena */
-    solid_measure(&b, solid);
+    const struct mesh *m = b.mesh;
+    double diagonal[3];
+
+    solid->box = box_of_point(m->vertex[0]);
+    for (size_t v = 1; v < m->nvertex; v++) {
+        box_add(&solid->box, m->vertex[v]);
+    }
+    vec3_sub(solid->box.high, solid->box.low, diagonal);
+    b.size = vec3_norm(diagonal);
+    solid->radius = b.size / 2;
     for (size_t i = 0; i < ARRAY_COUNT(step); i++) {
         code = step[i](&b, solid);
         if (code != ERROR_NONE) {

@@ -156,21 +156,6 @@ bool solid_find_nearest(const struct solid *solid, const double p[3], double lim
     return nearest->face >= 0;
 }
 
-/* Computes the pseudonormal at the nearest point, which gives the sign of the distance. */
-static void solid_pseudonormal(const struct solid *s, int face, enum triangle_feature feature,
-                               double out[3])
-{
-    if (feature >= FEATURE_CORNER_0) {
-        int vertex = s->face[face][feature - FEATURE_CORNER_0];
-
-        memcpy(out, s->vertex_normal[vertex], sizeof s->vertex_normal[vertex]);
-    } else if (feature >= FEATURE_EDGE_0) {
-        vec3_add_scaled(s->normal[face], 1, s->normal[s->neighbor[face][feature]], out);
-    } else {
-        memcpy(out, s->normal[face], sizeof s->normal[face]);
-    }
-}
-
 /* Returns the depth of p behind LANES planes from the i-th on, m. */
 LANES_INLINE lanes planes_depth(const struct solid *s, size_t i, const double p[3])
 {
@@ -208,7 +193,19 @@ double solid_depth(const struct solid *solid, const double p[3], double limit)
     if (!solid_find_nearest(solid, p, limit * limit, &nearest)) {
         return limit;
     }
-    solid_pseudonormal(solid, nearest.face, nearest.feature, n);
+    /* Compute the pseudonormal at the nearest point, which gives the sign of the distance */
+    const struct solid *s = solid;
+
+    if (nearest.feature >= FEATURE_CORNER_0) {
+        int vertex = s->face[nearest.face][nearest.feature - FEATURE_CORNER_0];
+
+        memcpy(n, s->vertex_normal[vertex], sizeof s->vertex_normal[vertex]);
+    } else if (nearest.feature >= FEATURE_EDGE_0) {
+        vec3_add_scaled(s->normal[nearest.face], 1,
+                        s->normal[s->neighbor[nearest.face][nearest.feature]], n);
+    } else {
+        memcpy(n, s->normal[nearest.face], sizeof s->normal[nearest.face]);
+    }
     vec3_sub(nearest.point, p, to);
     return vec3_dot(to, n) >= 0 ? sqrt(nearest.distance2) : -sqrt(nearest.distance2);
 }

@@ -93,17 +93,6 @@ static struct stored_solid *stored_solid_of_solid(const struct solid *solid)
 
 /* ---- meshes ---- */
 
-/* Finds the stored mesh of this path and text; NULL if there is none. */
-static const struct mesh *stored_mesh_find(const char *path, const char *text, size_t size)
-{
-    const struct stored_mesh *at = solid_store.mesh;
-
-    while (at && (at->size != size || strcmp(at->path, path) || memcmp(at->text, text, size))) {
-        at = at->next;
-    }
-    return at ? at->mesh : NULL;
-}
-
 /* Reads a mesh into the store; NULL if the store is full or the file is faulty. */
 static const struct mesh *stored_mesh_read(const char *path, const char *text, size_t size)
 {
@@ -135,7 +124,13 @@ enum error_code solid_store_read_obj(const char *path, struct arena *arena,
     enum error_code code = input_file_load(path, MESH_MAX_FILE_BYTES, &text, &size, error);
 
     if (!code && solid_store.open) {
-        stored = stored_mesh_find(path, text, size);
+        const struct stored_mesh *at = solid_store.mesh;
+
+        /* Find the stored mesh of this path and text; NULL if there is none */
+        while (at && (at->size != size || strcmp(at->path, path) || memcmp(at->text, text, size))) {
+            at = at->next;
+        }
+        stored = at ? at->mesh : NULL;
         stored = stored ? stored : stored_mesh_read(path, text, size);
     }
     if (stored) {

@@ -81,23 +81,6 @@ enum error_code robot_check_inertia(const struct robot_inertia *inertia, struct 
     return ERROR_NONE;
 }
 
-/* Checks the mass properties of all bodies and of the parts below force-torque sensors. */
-static enum error_code check_body_inertias(const struct robot *robot, struct error *error)
-{
-    for (size_t b = 0; b < robot->nbody; b++) {
-        if (robot_check_inertia(&robot->body[b].inertia, error)) {
-            return error_prefix(error, "%s: body %s", robot->name, robot->body[b].name);
-        }
-    }
-    for (size_t s = 0; s < robot->nft; s++) {
-        if (robot_check_inertia(&robot->ft[s].distal, error)) {
-            return error_prefix(error, "%s: what hangs below sensor %s", robot->name,
-                                robot->ft[s].name);
-        }
-    }
-    return ERROR_NONE;
-}
-
 /* Computes y = A s for the unit motion s of a joint. Returns s . y, the effective inertia of the
  * joint. */
 static double joint_inertia(const struct robot_joint *joint, const struct spatial_inertia *A,
@@ -111,20 +94,6 @@ static double joint_inertia(const struct robot_joint *joint, const struct spatia
     mat3_apply(A->H, joint->axis, y->a);
     sym3_apply(A->M, joint->axis, y->l);
     return vec3_dot(joint->axis, y->l);
-}
-
-/* Removes the motion of a free joint from an articulated inertia: A -= y y^T / d. */
-static void release_joint(const struct spatial *y, double d, struct spatial_inertia *A)
-{
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) {
-            A->H[3 * i + j] -= y->a[i] * y->l[j] / d;
-        }
-        for (int j = i; j < 3; j++) {
-            A->J[sym3_index[i][j]] -= y->a[i] * y->a[j] / d;
-            A->M[sym3_index[i][j]] -= y->l[i] * y->l[j] / d;
-        }
-    }
 }
 
 /* Adds a body's inertia to its parent's, with the joint at position q. */
@@ -207,7 +176,16 @@ static enum error_code check_regular(const struct robot *robot, struct spatial_i
                              "%s: joint %s moves nothing that has inertia about its axis",
                              robot->name, joint->name);
         }
-        release_joint(&y, d, &A[b]);
+        /* Remove the motion of a free joint from an articulated inertia: A -= y y^T / d */
+        for (int i = 0; i < 3; i++) {
+            for (int j = 0; j < 3; j++) {
+                A[b].H[3 * i + j] -= y.a[i] * y.l[j] / d;
+            }
+            for (int j = i; j < 3; j++) {
+                A[b].J[sym3_index[i][j]] -= y.a[i] * y.a[j] / d;
+                A[b].M[sym3_index[i][j]] -= y.l[i] * y.l[j] / d;
+            }
+        }
         hand_to_parent(joint, q, A[b], &A[parent]);
         hand_to_parent(joint, q, whole[b], &whole[parent]);
     }
@@ -270,9 +248,17 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
     struct spatial_inertia *scratch;
     enum error_code code;
 
-    code = check_body_inertias(robot, error);
-    if (code) {
-        return code;
+    /* Check the mass properties of all bodies and of the parts below force-torque sensors */
+    for (size_t b = 0; b < robot->nbody; b++) {
+        if (robot_check_inertia(&robot->body[b].inertia, error)) {
+            return error_prefix(error, "%s: body %s", robot->name, robot->body[b].name);
+        }
+    }
+    for (size_t s = 0; s < robot->nft; s++) {
+        if (robot_check_inertia(&robot->ft[s].distal, error)) {
+            return error_prefix(error, "%s: what hangs below sensor %s", robot->name,
+                                robot->ft[s].name);
+        }
     }
     scratch = calloc(2 * robot->nbody, sizeof *scratch);
     if (!scratch) {

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Builds the frames, capsules, visuals, sensors and poses of a robot file. */
 #include "base/array.h"
-#include "base/portable_math.h"
 #include "base/vec3.h"
 #include "model/coupling.h"
 #include "model/description/yaml.h"
@@ -93,21 +92,6 @@ static enum error_code check_visual_keys(struct robot_builder *b, const struct v
     return ERROR_NONE;
 }
 
-/* Builds a visual and finds its body and its mesh file. */
-static enum error_code build_visual(struct robot_builder *b, const struct visual_yaml *given,
-                                    struct robot_visual *visual)
-{
-    enum error_code code = check_visual_keys(b, given);
-
-    *visual = given->visual;
-    code = code ? code : find_key_body(b, &given->mark, given->body, &visual->body);
-    mat3_from_rpy(given->rpy, visual->rotation);
-    visual->colored = yaml_has(&given->mark, "color");
-    return code || !given->file ? code
-                                : yaml_resolve_path(yaml_place(&given->mark, "file"), given->file,
-                                                    b->arena, &visual->file, b->error);
-}
-
 enum error_code robot_build_visuals(struct robot_builder *b)
 {
     const struct robot_yaml *file = &b->file;
@@ -124,7 +108,19 @@ enum error_code robot_build_visuals(struct robot_builder *b)
         return robot_no_memory(b);
     }
     for (size_t i = 0; i < file->nvisual && !code; i++) {
-        code = build_visual(b, &file->visual[i], &robot->visual[i]);
+        const struct visual_yaml *given = &file->visual[i];
+        struct robot_visual *visual = &robot->visual[i];
+
+        /* Build a visual and find its body and its mesh file */
+        code = check_visual_keys(b, given);
+        *visual = given->visual;
+        code = code ? code : find_key_body(b, &given->mark, given->body, &visual->body);
+        mat3_from_rpy(given->rpy, visual->rotation);
+        visual->colored = yaml_has(&given->mark, "color");
+        code = code || !given->file
+                   ? code
+                   : yaml_resolve_path(yaml_place(&given->mark, "file"), given->file, b->arena,
+                                       &visual->file, b->error);
     }
     robot->nvisual = file->nvisual;
     return code;

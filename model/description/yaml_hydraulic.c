@@ -35,22 +35,6 @@ static void fill_cylinder(const struct drive_yaml *drive, struct robot_hydraulic
     }
 }
 
-/* Refuses a hydraulic drive with a missing key. name: name of the joint, or NULL for a drive
- * file. */
-static enum error_code refuse_missing_key(struct robot_builder *b, const struct drive_yaml *drive,
-                                          const char *key, const char *joint)
-{
-    return joint ? yaml_error(b->error, &drive->mark,
-                              "found the hydraulic drive of joint \"%s\" without key \"%s\", "
-                              "expected it here%s or in the robot's own drive",
-                              joint, key,
-                              robot_key_is_of_triangle(key) ? " (the triangle is the joint's)"
-                              : drive->file                 ? ", in the file of the drive,"
-                                                            : "")
-                 : yaml_error(b->error, &drive->mark,
-                              "found a hydraulic drive without key \"%s\", expected it", key);
-}
-
 /* Builds a cylinder. Each parameter comes from the joint, else from the robot. name: name of the
  * joint; NULL for a drive of the catalogue, which has no triangle. */
 static enum error_code build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
@@ -66,7 +50,20 @@ static enum error_code build_cylinder(struct robot_builder *b, const struct driv
     /* Only the keys before valve_lap are required */
     for (; !code && strcmp(row->key, "valve_lap") != 0; row++) {
         if (!yaml_has(&merged.mark, row->key) && (joint || !robot_key_is_of_triangle(row->key))) {
-            return refuse_missing_key(b, drive, row->key, joint);
+            /* Refuse a hydraulic drive with a missing key. `joint` is NULL for
+             * a drive file. */
+            return joint
+                       ? yaml_error(b->error, &drive->mark,
+                                    "found the hydraulic drive of joint \"%s\" without key \"%s\", "
+                                    "expected it here%s or in the robot's own drive",
+                                    joint, row->key,
+                                    robot_key_is_of_triangle(row->key)
+                                        ? " (the triangle is the joint's)"
+                                    : drive->file ? ", in the file of the drive,"
+                                                  : "")
+                       : yaml_error(b->error, &drive->mark,
+                                    "found a hydraulic drive without key \"%s\", expected it",
+                                    row->key);
         }
     }
     if (!code && merged.rod >= merged.bore) {

@@ -64,13 +64,17 @@ static void rate_matrix(struct derive *d, struct state *state)
     }
 }
 
-/* Computes the parents' velocity and accelerations at the origins of the group's bodies, in the
- * bodies' axes. */
-static void motion_from_parent(struct derive *d, size_t group)
+/* Computes velocity and accelerations from the parents (Newton-Euler, outward). given: also adds
+ * the joints' own accelerations. */
+static void motion_outward(struct derive *d, size_t group, bool given)
 {
     struct state *state = &d->state[group];
+    int k = derive_first_body(d, group)->axis, i = (k + 1) % 3, j = (k + 2) % 3;
+    bool prismatic = derive_first_body(d, group)->prismatic;
     expr r[3];
 
+    /* Compute the parents' velocity and accelerations at the origins of the group's bodies, in
+     * the bodies' axes */
     derive_origin(d, group, r);
     for (int m = 0; m < 3; m++) {
         size_t at = (size_t)m * sizeof(expr);
@@ -92,17 +96,6 @@ static void motion_from_parent(struct derive *d, size_t group)
     derive_vector_down(d, group, state->w);
     derive_vector_down(d, group, state->alpha);
     derive_vector_down(d, group, state->a);
-}
-
-/* Computes velocity and accelerations from the parents (Newton-Euler, outward). given: also adds
- * the joints' own accelerations. */
-static void motion_outward(struct derive *d, size_t group, bool given)
-{
-    struct state *state = &d->state[group];
-    int k = derive_first_body(d, group)->axis, i = (k + 1) % 3, j = (k + 2) % 3;
-    bool prismatic = derive_first_body(d, group)->prismatic;
-
-    motion_from_parent(d, group);
     /* A prismatic joint adds its offset and the Coriolis terms, a revolute joint its rate */
     if (prismatic) {
         expr twice = mul(d, graph_const(d->g, 2.0), state->rate);

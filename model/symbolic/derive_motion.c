@@ -83,11 +83,15 @@ static void base_pose(struct derive *d)
     }
 }
 
-/* Copies the parents' pose, velocity and acceleration. */
-static void world_from_parent(struct derive *d, size_t group)
+/* Computes pose, velocity and, if accelerations is set, classical acceleration in the world frame,
+ * from the parents. */
+static void world_outward(struct derive *d, size_t group, bool accelerations)
 {
+    const struct tree_body *body = derive_first_body(d, group);
     struct state *state = &d->state[group];
+    expr r[3], arm[3], axis[3], slide[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
 
+    /* Copy the parents' pose, velocity and acceleration */
     for (int m = 0; m < 3; m++) {
         size_t at = (size_t)m * sizeof(expr);
 
@@ -101,44 +105,6 @@ static void world_from_parent(struct derive *d, size_t group)
         state->alpha[m] = derive_from_parent(d, group, STATE(alpha[0]) + at);
         state->a[m] = derive_from_parent(d, group, STATE(a[0]) + at);
     }
-}
-
-/* Adds the acceleration due to arm (from the parent's origin) and to the joint along axis: a +=
- * alpha x arm + w x (w x arm), and for a prismatic joint 2 w x slide + axis d''. w and alpha are
- * still the parent's values. */
-static void add_acceleration(struct derive *d, size_t group, const expr axis[3], const expr arm[3],
-                             const expr slide[3])
-{
-    struct state *state = &d->state[group];
-    bool prismatic = derive_first_body(d, group)->prismatic;
-    int first = d->tree->robot->floating ? BASE_V_COUNT : 0;
-    expr rate = derive_signed_input(d, group, DERIVE_VDOT, first), turn[3];
-    expr twice = graph_const(d->g, 2.0), across[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
-
-    derive_add_cross(d, state->a, state->alpha, arm);
-    derive_add_cross(d, across, state->w, arm);
-    for (int m = 0; m < 3; m++) {
-        add_to(d, &across[m], mul(d, twice, slide[m]));
-    }
-    derive_add_cross(d, state->a, state->w, across);
-    for (int m = 0; m < 3; m++) {
-        turn[m] = mul(d, axis[m], state->rate);
-        add_to(d, prismatic ? &state->a[m] : &state->alpha[m], mul(d, axis[m], rate));
-    }
-    if (!prismatic) {
-        derive_add_cross(d, state->alpha, state->w, turn);
-    }
-}
-
-/* Computes pose, velocity and, if accelerations is set, classical acceleration in the world frame,
- * from the parents. */
-static void world_outward(struct derive *d, size_t group, bool accelerations)
-{
-    const struct tree_body *body = derive_first_body(d, group);
-    struct state *state = &d->state[group];
-    expr r[3], arm[3], axis[3], slide[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
-
-    world_from_parent(d, group);
     derive_origin(d, group, r);
     derive_rotate(d, state->R, r, arm);
     for (int m = 0; m < 3; m++) {
@@ -155,7 +121,27 @@ static void world_outward(struct derive *d, size_t group, bool accelerations)
         slide[m] = mul(d, axis[m], state->rate);
     }
     if (accelerations) {
-        add_acceleration(d, group, axis, arm, slide);
+        bool prismatic = derive_first_body(d, group)->prismatic;
+        int first = d->tree->robot->floating ? BASE_V_COUNT : 0;
+        expr rate = derive_signed_input(d, group, DERIVE_VDOT, first), turn[3];
+        expr twice = graph_const(d->g, 2.0), across[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
+
+        /* Add the acceleration due to arm (from the parent's origin) and to the joint along
+         * axis: a += alpha x arm + w x (w x arm), and for a prismatic joint 2 w x slide + axis
+         * d''. w and alpha are still the parent's values. */
+        derive_add_cross(d, state->a, state->alpha, arm);
+        derive_add_cross(d, across, state->w, arm);
+        for (int m = 0; m < 3; m++) {
+            add_to(d, &across[m], mul(d, twice, slide[m]));
+        }
+        derive_add_cross(d, state->a, state->w, across);
+        for (int m = 0; m < 3; m++) {
+            turn[m] = mul(d, axis[m], state->rate);
+            add_to(d, prismatic ? &state->a[m] : &state->alpha[m], mul(d, axis[m], rate));
+        }
+        if (!prismatic) {
+            derive_add_cross(d, state->alpha, state->w, turn);
+        }
     }
     /* Compute velocity and pose last, because the acceleration uses the parent's values */
     derive_add_cross(d, state->v, state->w, arm);

@@ -5,7 +5,6 @@
 #include "base/hash.h"
 #include "base/portable_math.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

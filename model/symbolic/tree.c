@@ -305,33 +305,6 @@ static void choose_origin(const struct robot *robot, size_t b, const struct plac
     }
 }
 
-/* Computes m, h and K of a body in its working frame. */
-static void set_inertia(const struct robot_inertia *inertia, struct tree_body *body)
-{
-    double com[3], I[6], transposed[9], trace;
-
-    mat3_apply_transposed(body->align, inertia->com, com);
-    for (int m = 0; m < 3; m++) {
-        com[m] += body->at[m];
-    }
-    memcpy(I, inertia->I, sizeof I);
-    mat3_transpose(body->align, transposed);
-    if (!body->aligned) {
-        sym3_rotate(transposed, I);
-    }
-    /* K = trace(I)/2 - I + m c c^T */
-    trace = I[0] + I[3] + I[5];
-    body->mass = inertia->mass;
-    for (int i = 0; i < 3; i++) {
-        body->h[i] = inertia->mass * com[i];
-        for (int j = i; j < 3; j++) {
-            int ij = sym3_index[i][j];
-
-            body->K[ij] = (i == j ? 0.5 * trace : 0.0) - I[ij] + body->h[i] * com[j];
-        }
-    }
-}
-
 /* Chooses the working frame of a body: its origin and the zero of its joint. */
 static void set_body(const struct robot *robot, size_t b, struct tree *tree)
 {
@@ -437,6 +410,7 @@ enum error_code tree_create(const struct robot *robot, int lanes, struct tree *t
     /* Compute working frames from the base outward, then lump inertias inward */
     for (size_t b = 0; b < robot->nbody; b++) {
         struct tree_body *body = &tree->body[b];
+        double com[3], I[6], transposed[9], trace;
 
         body->parent = robot->body[b].parent;
         body->observed = robot->body[b].observed;
@@ -445,7 +419,27 @@ enum error_code tree_create(const struct robot *robot, int lanes, struct tree *t
         } else {
             set_body(robot, b, tree);
         }
-        set_inertia(&robot->body[b].inertia, body);
+        /* Compute m, h and K of a body in its working frame */
+        mat3_apply_transposed(body->align, robot->body[b].inertia.com, com);
+        for (int m = 0; m < 3; m++) {
+            com[m] += body->at[m];
+        }
+        memcpy(I, robot->body[b].inertia.I, sizeof I);
+        mat3_transpose(body->align, transposed);
+        if (!body->aligned) {
+            sym3_rotate(transposed, I);
+        }
+        /* K = trace(I)/2 - I + m c c^T */
+        trace = I[0] + I[3] + I[5];
+        body->mass = robot->body[b].inertia.mass;
+        for (int i = 0; i < 3; i++) {
+            body->h[i] = robot->body[b].inertia.mass * com[i];
+            for (int j = i; j < 3; j++) {
+                int ij = sym3_index[i][j];
+
+                body->K[ij] = (i == j ? 0.5 * trace : 0.0) - I[ij] + body->h[i] * com[j];
+            }
+        }
     }
     for (size_t b = robot->nbody - 1; b > 0; b--) {
         struct tree_body *child = &tree->body[b];

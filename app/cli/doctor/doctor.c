@@ -627,29 +627,6 @@ static void examine_loads(struct doctor *d)
 
 /* ---- external boards ---- */
 
-/* Judges a board by the time since its last frame: no frame, longer than its timeout, or in
- * time. */
-static void judge_board(struct doctor *d, const struct board_config *board, int64_t heard_ns,
-                        int64_t now_ns)
-{
-    static const char fix[] = "switch it on, check cable and address; one that sends when it is "
-                              "told to needs its controller";
-    const char *interface = d->rig->bus[board->bus].interface;
-    const double age_ms = 1e-6 * (double)(now_ns - heard_ns);
-
-    if (heard_ns < 0) {
-        doctor_add(d, DOCTOR_WARN, fix, "board %s on %s is silent: not heard in %.3g s",
-                   board->name, interface, 1e-9 * (double)d->config->listen_ns);
-    } else if (now_ns - heard_ns > board->external_timeout_ns) {
-        doctor_add(d, DOCTOR_WARN, fix,
-                   "board %s on %s is silent: last heard %.0f ms ago, its time-out is %.0f ms",
-                   board->name, interface, age_ms, 1e-6 * (double)board->external_timeout_ns);
-    } else {
-        doctor_add(d, DOCTOR_OK, "", "board %s on %s is heard, %.0f ms ago", board->name, interface,
-                   age_ms);
-    }
-}
-
 /* Listens for the external boards of the rig. */
 static void examine_external(struct doctor *d)
 {
@@ -687,7 +664,28 @@ static void examine_external(struct doctor *d)
         const struct board_config *board = &d->rig->boards.board[i];
 
         if (board->external && config->port[board->bus]) {
-            judge_board(d, board, external_heard_ns(external, i), now - start);
+            const int64_t heard_ns = external_heard_ns(external, i);
+            const int64_t now_ns = now - start;
+            static const char fix[] =
+                "switch it on, check cable and address; one that sends when it is "
+                "told to needs its controller";
+            const char *interface = d->rig->bus[board->bus].interface;
+            const double age_ms = 1e-6 * (double)(now_ns - heard_ns);
+
+            /* Judge a board by the time since its last frame: no frame, longer than its
+             * timeout, or in time */
+            if (heard_ns < 0) {
+                doctor_add(d, DOCTOR_WARN, fix, "board %s on %s is silent: not heard in %.3g s",
+                           board->name, interface, 1e-9 * (double)d->config->listen_ns);
+            } else if (now_ns - heard_ns > board->external_timeout_ns) {
+                doctor_add(
+                    d, DOCTOR_WARN, fix,
+                    "board %s on %s is silent: last heard %.0f ms ago, its time-out is %.0f ms",
+                    board->name, interface, age_ms, 1e-6 * (double)board->external_timeout_ns);
+            } else {
+                doctor_add(d, DOCTOR_OK, "", "board %s on %s is heard, %.0f ms ago", board->name,
+                           interface, age_ms);
+            }
         }
     }
 }
@@ -745,18 +743,6 @@ enum doctor_verdict doctor_verdict(const struct doctor_finding *findings, size_t
 
 /* ---- the command ---- */
 
-/* Prints the implementation of the dynamics that a run would use now. */
-static void doctor_print_robot(const struct rig *rig, struct arena *arena)
-{
-    struct error notice = {.text = ""}, error;
-    struct dynamics dynamics;
-    bool failed = dynamics_choose(rig->robot, rig->dynamics == RIG_DYNAMICS_GENERIC, arena,
-                                  &dynamics, &notice, &error);
-
-    printf("%-5s%-15s%s, hash %016" PRIx64 ": %s\n", failed ? "fail" : "ok", "robot",
-           rig->robot->name, rig->robot->hash, failed ? error.text : notice.text);
-}
-
 /* Measures wake-up latency: sleeps until each tick as the loop does, and prints the delays. */
 static void doctor_measure_wakeups(const struct rig *rig, double seconds)
 {
@@ -798,23 +784,6 @@ struct doctor_options {
     double measure_s, listen_s;
 };
 
-/* Opens ports on the interfaces of external boards. A port stays NULL if it cannot be opened; the
- * finding on its interface gives the reason. */
-static void doctor_open_ports(const struct rig *rig, struct arena *arena, struct can_port **port)
-{
-    for (size_t i = 0; i < rig->boards.nboard; i++) {
-        const int bus = rig->boards.board[i].bus;
-        const struct socketcan_config config = {.interface = rig->bus[bus].interface,
-                                                .fd = rig->bus[bus].fd};
-        struct error error;
-
-        if (rig->boards.board[i].external && !port[bus] &&
-            socketcan_open(&config, arena, &port[bus], &error)) {
-            port[bus] = NULL;
-        }
-    }
-}
-
 /* Examines the machine for a rig, prints all findings, and measures; returns the exit status. */
 static int doctor_examine_rig(void *context, const struct rig *rig, struct arena *arena)
 {
@@ -833,7 +802,19 @@ static int doctor_examine_rig(void *context, const struct rig *rig, struct arena
     size_t count;
 
     if (!options->local) {
-        doctor_open_ports(rig, arena, port);
+        /* Open ports on the interfaces of external boards. A port stays NULL if it cannot be
+         * opened; the finding on its interface gives the reason. */
+        for (size_t i = 0; i < rig->boards.nboard; i++) {
+            const int bus = rig->boards.board[i].bus;
+            const struct socketcan_config can = {.interface = rig->bus[bus].interface,
+                                                 .fd = rig->bus[bus].fd};
+            struct error error;
+
+            if (rig->boards.board[i].external && !port[bus] &&
+                socketcan_open(&can, arena, &port[bus], &error)) {
+                port[bus] = NULL;
+            }
+        }
     }
     count = doctor_examine(&config, findings, DOCTOR_FINDINGS_MAX);
     for (size_t b = 0; b < rig->nbus; b++) {
@@ -847,7 +828,14 @@ static int doctor_examine_rig(void *context, const struct rig *rig, struct arena
             printf("%20s-> %s\n", "", findings[i].fix);
         }
     }
-    doctor_print_robot(rig, arena);
+    /* Print the implementation of the dynamics that a run would use now */
+    struct error notice = {.text = ""}, error;
+    struct dynamics dynamics;
+    bool failed = dynamics_choose(rig->robot, rig->dynamics == RIG_DYNAMICS_GENERIC, arena,
+                                  &dynamics, &notice, &error);
+
+    printf("%-5s%-15s%s, hash %016" PRIx64 ": %s\n", failed ? "fail" : "ok", "robot",
+           rig->robot->name, rig->robot->hash, failed ? error.text : notice.text);
 
     /* The measurement changes the scheduling of this process, so it comes last */
     if (options->measure_s > 0.0) {
