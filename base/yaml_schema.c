@@ -4,7 +4,6 @@
  */
 #include "base/yaml.h"
 
-#include "base/hash.h"
 #include "base/input_file.h"
 #include "base/text.h"
 #include "base/yaml_tree.h"

@@ -31,23 +31,6 @@ static void table_put_states(const char *key, const struct described_state *stat
     fprintf(out, "],\n ");
 }
 
-/* Writes a field: its meaning, its bits, and its scale and range. */
-static void table_put_field(const struct described_frame *frame, size_t i, FILE *out)
-{
-    const struct described_field *f = &frame->field[i];
-
-    fprintf(out,
-            "%s\n   {\"name\": \"%s\", \"meaning\": \"%s\", \"byte\": %d, \"shift\": %d, \"mask\": "
-            "%" PRIu64 ", \"sign\": %" PRIu64
-            ", \"end\": %d, \"in_id\": %d, \"big\": %d, \"real\": %d, "
-            "\"scale\": %.17g, \"offset\": %.17g, \"low\": %" PRId64 ", \"high\": %" PRId64
-            ", \"constant\": %" PRId64 ", \"host\": %.17g, \"axis\": %d}",
-            i ? "," : "", described_layout(frame, i)->name,
-            described_meaning_name(f->meaning, frame->from_host), f->byte, f->shift, f->mask,
-            f->sign, f->end, f->in_id, f->big_endian, f->real, f->scale, f->offset, f->low, f->high,
-            f->constant, f->host, f->axis);
-}
-
 /* Writes a frame with its fields. */
 static void table_put_frame(const struct described_frame *frame, FILE *out)
 {
@@ -64,7 +47,20 @@ static void table_put_frame(const struct described_frame *frame, FILE *out)
             !!(frame->flags & FRAME_FD), frame->length, frame->repeats, frame->of, frame->of_one,
             frame->checksum, frame->checksum_byte);
     for (size_t i = 0; i < frame->nfield; i++) {
-        table_put_field(frame, i, out);
+        const struct described_field *f = &frame->field[i];
+
+        /* Write a field: its meaning, its bits, and its scale and range */
+        fprintf(
+            out,
+            "%s\n   {\"name\": \"%s\", \"meaning\": \"%s\", \"byte\": %d, \"shift\": %d, \"mask\": "
+            "%" PRIu64 ", \"sign\": %" PRIu64
+            ", \"end\": %d, \"in_id\": %d, \"big\": %d, \"real\": %d, "
+            "\"scale\": %.17g, \"offset\": %.17g, \"low\": %" PRId64 ", \"high\": %" PRId64
+            ", \"constant\": %" PRId64 ", \"host\": %.17g, \"axis\": %d}",
+            i ? "," : "", described_layout(frame, i)->name,
+            described_meaning_name(f->meaning, frame->from_host), f->byte, f->shift, f->mask,
+            f->sign, f->end, f->in_id, f->big_endian, f->real, f->scale, f->offset, f->low, f->high,
+            f->constant, f->host, f->axis);
     }
     fputs("]}", out);
 }

@@ -371,22 +371,6 @@ static enum error_code rig_build(struct rig_builder *b)
     return code;
 }
 
-/* Returns the hash of a rig's sources: the rig's files, the robot's files and the meshes. */
-static uint64_t rig_hash_sources(const struct rig_builder *b)
-{
-    uint64_t hash = hash_bytes(b->rig->hash, &b->robot->source_hash, sizeof b->robot->source_hash);
-
-    for (size_t s = 0; s < b->rig->contact.nsurface; s++) {
-        const struct mesh *mesh = b->rig->contact.surface[s].mesh;
-
-        if (mesh) {
-            hash = hash_bytes(hash, mesh->vertex, mesh->nvertex * sizeof *mesh->vertex);
-            hash = hash_bytes(hash, mesh->face, mesh->nface * sizeof *mesh->face);
-        }
-    }
-    return hash;
-}
-
 /* Builds a rig from a raw rig. */
 static enum error_code rig_make(const struct raw_rig *raw, struct arena *arena,
                                 const struct rig **rig, struct error *error)
@@ -404,7 +388,18 @@ static enum error_code rig_make(const struct raw_rig *raw, struct arena *arena,
     if (code) {
         return code;
     }
-    b.rig->hash = rig_hash_sources(&b);
+    /* Hash the rig's sources: the rig's files, the robot's files and the meshes */
+    uint64_t hash = hash_bytes(b.rig->hash, &b.robot->source_hash, sizeof b.robot->source_hash);
+
+    for (size_t s = 0; s < b.rig->contact.nsurface; s++) {
+        const struct mesh *mesh = b.rig->contact.surface[s].mesh;
+
+        if (mesh) {
+            hash = hash_bytes(hash, mesh->vertex, mesh->nvertex * sizeof *mesh->vertex);
+            hash = hash_bytes(hash, mesh->face, mesh->nface * sizeof *mesh->face);
+        }
+    }
+    b.rig->hash = hash;
     *rig = b.rig;
     return ERROR_NONE;
 }

@@ -6,7 +6,6 @@
 #include "canbus/wire/wire.h"
 
 #include <math.h>
-#include <string.h>
 
 /* A fault that a wire executes. */
 struct wire_injection {

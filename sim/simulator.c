@@ -59,26 +59,6 @@ static void *simulator_task_main(void *context)
     return NULL;
 }
 
-/* Starts the task's thread. */
-static enum error_code simulator_start_task(struct simulator *simulator, struct error *error)
-{
-    const int priority = simulator->config.rig->realtime.priority;
-    int reason;
-
-    /* The task's priority is above the loop's, as if it ran on another computer at the end of the
-     * cable */
-    simulator->task_realtime = (struct realtime_config){
-        .priority = priority + (priority > 0 && priority < 99),
-        .cpu = -1,
-    };
-    reason = pthread_create(&simulator->task_thread, NULL, simulator_task_main, simulator);
-    if (reason) {
-        return error_set_errno(error, reason, "cannot start the task's thread");
-    }
-    simulator->task_running = true;
-    return ERROR_NONE;
-}
-
 enum error_code simulator_start(struct simulator *simulator, struct realtime_report *report,
                                 struct error *error)
 {
@@ -104,10 +84,21 @@ enum error_code simulator_start(struct simulator *simulator, struct realtime_rep
     }
     /* The task's thread starts before the calling thread gets its real-time settings */
     if (simulator->task) {
-        code = simulator_start_task(simulator, error);
-        if (code) {
-            return code;
+        const int priority = simulator->config.rig->realtime.priority;
+        int reason;
+
+        /* Start the task's thread */
+        /* The task's priority is above the loop's, as if it ran on another computer at the end of the
+         * cable */
+        simulator->task_realtime = (struct realtime_config){
+            .priority = priority + (priority > 0 && priority < 99),
+            .cpu = -1,
+        };
+        reason = pthread_create(&simulator->task_thread, NULL, simulator_task_main, simulator);
+        if (reason) {
+            return error_set_errno(error, reason, "cannot start the task's thread");
         }
+        simulator->task_running = true;
     }
     realtime_apply(&config, report);
     return ERROR_NONE;

@@ -96,9 +96,23 @@ static void host_judge_sensor(struct host *host, int bus, unsigned address, int6
     }
 }
 
-/* Checks the age of all watched values. */
-static void host_judge_sensors(struct host *host)
+bool host_healthy(struct host *host)
 {
+    for (size_t i = 0; i < host->config.naxis && host->phase != HOST_FAILED; i++) {
+        const struct host_joint *joint = &host->joint[i];
+
+        if (joint->motor != HOST_MOTOR_ON) {
+            /* A motor that is off without a fault means that the board has restarted */
+            host->lost = joint->motor == HOST_MOTOR_OFF;
+            host_fail_joint(host, i,
+                            joint->motor == HOST_MOTOR_OTHER ? "is in a mode that was not commanded"
+                                                             : "has switched its motor off");
+        } else if (host->now_ns - joint->motor_time_ns > TELEMETRY_TIMEOUT_NS) {
+            host_fail_joint(host, i, "sends no telemetry");
+            host->lost = joint->motor != HOST_MOTOR_FAULT;
+        }
+    }
+    /* Check the age of all watched values */
     const struct host_imu *imu = &host->config.imu;
     const struct host_motion *motion = &host->motion;
 
@@ -120,25 +134,6 @@ static void host_judge_sensors(struct host *host)
                                                           : motion->acceleration_time_ns,
                           "sends no attitude");
     }
-}
-
-bool host_healthy(struct host *host)
-{
-    for (size_t i = 0; i < host->config.naxis && host->phase != HOST_FAILED; i++) {
-        const struct host_joint *joint = &host->joint[i];
-
-        if (joint->motor != HOST_MOTOR_ON) {
-            /* A motor that is off without a fault means that the board has restarted */
-            host->lost = joint->motor == HOST_MOTOR_OFF;
-            host_fail_joint(host, i,
-                            joint->motor == HOST_MOTOR_OTHER ? "is in a mode that was not commanded"
-                                                             : "has switched its motor off");
-        } else if (host->now_ns - joint->motor_time_ns > TELEMETRY_TIMEOUT_NS) {
-            host_fail_joint(host, i, "sends no telemetry");
-            host->lost = joint->motor != HOST_MOTOR_FAULT;
-        }
-    }
-    host_judge_sensors(host);
     return host->phase != HOST_FAILED;
 }
 
@@ -606,20 +601,6 @@ static void host_read_frame(struct host *host, size_t bus, const struct bus_fram
     }
 }
 
-/* Reads the frames that have arrived on a bus, up to the limit for a period. */
-static void host_read_bus(struct host *host, size_t bus)
-{
-    struct bus_frame frames[RECEIVE_BATCH];
-    size_t count = RECEIVE_BATCH;
-
-    for (int batch = 0; batch < BATCHES_MAX && count == RECEIVE_BATCH; batch++) {
-        count = can_receive(host->config.port[bus], frames, RECEIVE_BATCH);
-        for (size_t i = 0; i < count; i++) {
-            host_read_frame(host, bus, &frames[i]);
-        }
-    }
-}
-
 bool host_receive(struct host *host, int64_t now_ns)
 {
     bool all_done = true;
@@ -628,7 +609,16 @@ bool host_receive(struct host *host, int64_t now_ns)
         host->now_ns = now_ns;
     }
     for (size_t b = 0; b < host->config.nbus; b++) {
-        host_read_bus(host, b);
+        struct bus_frame frames[RECEIVE_BATCH];
+        size_t count = RECEIVE_BATCH;
+
+        /* Read the frames that have arrived on a bus, up to the limit for a period */
+        for (int batch = 0; batch < BATCHES_MAX && count == RECEIVE_BATCH; batch++) {
+            count = can_receive(host->config.port[b], frames, RECEIVE_BATCH);
+            for (size_t i = 0; i < count; i++) {
+                host_read_frame(host, b, &frames[i]);
+            }
+        }
         all_done = all_done && host->line[b].done;
     }
     if (!host->config.lockstep) {

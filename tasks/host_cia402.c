@@ -37,25 +37,6 @@ static unsigned host_cia402_axes(const struct host_node *node)
 
 /* ---- receiving ---- */
 
-/* Reads the statuswords of a motor board, one per axis, and sets the states of its motors. */
-static void host_cia402_read_status(struct host *host, struct host_node *node,
-                                    const struct bus_frame *frame)
-{
-    for (int k = 0; k < HOST_AXES && 2 * (k + 1) <= frame->len; k++) {
-        struct host_joint *joint = host_node_joint(host, node, k);
-        unsigned word = get_u16_le(frame->data + 2 * k), state = word & CIA402_SW_STATE_MASK;
-
-        node->statusword[k] = (uint16_t)word;
-        node->status_seen = true;
-        if (joint) {
-            joint->motor = state == 0x27             ? HOST_MOTOR_ON
-                           : state == 0x07           ? HOST_MOTOR_OTHER
-                           : state & CIA402_SW_FAULT ? HOST_MOTOR_FAULT
-                                                     : HOST_MOTOR_OFF;
-        }
-    }
-}
-
 /* Reads a TPDO of the predefined connection set. number: from 0. */
 static void host_cia402_read_pdo(struct host *host, struct host_node *node, unsigned number,
                                  const struct bus_frame *frame)
@@ -183,7 +164,22 @@ static void host_cia402_read_frame(struct host *host, size_t bus, const struct b
     if (id >= 0x40 && id - 0x40 < HOST_ADDRESSES && function == CIA402_TPDO) {
         node = &host->line[bus].node[id - 0x40];
         if (node->kind == HOST_MOTOR_BOARD) {
-            host_cia402_read_status(host, node, frame);
+            /* Read the statuswords of a motor board, one per axis, and set the states of its
+             * motors */
+            for (int k = 0; k < HOST_AXES && 2 * (k + 1) <= frame->len; k++) {
+                struct host_joint *joint = host_node_joint(host, node, k);
+                unsigned word = get_u16_le(frame->data + 2 * k),
+                         state = word & CIA402_SW_STATE_MASK;
+
+                node->statusword[k] = (uint16_t)word;
+                node->status_seen = true;
+                if (joint) {
+                    joint->motor = state == 0x27             ? HOST_MOTOR_ON
+                                   : state == 0x07           ? HOST_MOTOR_OTHER
+                                   : state & CIA402_SW_FAULT ? HOST_MOTOR_FAULT
+                                                             : HOST_MOTOR_OFF;
+                }
+            }
         }
         return;
     }

@@ -12,7 +12,6 @@
 #include "boards/described/protocol.h"
 
 #include <math.h>
-#include <string.h>
 
 _Static_assert((int)DESCRIBED_FRAMES_MAX <= HOST_ROWS && (int)DESCRIBED_SLOTS <= HOST_SLOTS,
                "counters of every row and number");
@@ -310,27 +309,6 @@ static void described_send_switches(struct host *host, size_t bus, bool on, uint
     *slots = 0;
 }
 
-/* Queues the set points of a group of axes in one frame. */
-static void described_send_group(struct host *host, size_t bus, const struct described_frame *row,
-                                 unsigned first)
-{
-    const struct described_protocol *protocol = described_line_protocol(host, bus);
-    struct bus_frame frame = {.id = described_id(row, first / row->repeats), .flags = row->flags};
-    unsigned parts = 0;
-
-    for (unsigned k = 0; k < row->repeats && first + k < host->line[bus].slots; k++) {
-        const struct described_letter letter = {
-            .row = row, .axis = host->line[bus].slot[first + k], .state = protocol->host.on_state};
-
-        described_fill(host, bus, &letter, first / row->repeats, k, &frame);
-        parts = k + 1;
-    }
-    frame.len = described_length(row, parts);
-    if (frame.len > 0) {
-        host_queue(host, bus, &frame);
-    }
-}
-
 /* Queues the frames of a period: first switched motors, then set points. */
 static void host_described_end_period(struct host *host, size_t bus)
 {
@@ -347,7 +325,23 @@ static void host_described_end_period(struct host *host, size_t bus)
         for (unsigned slot = 0; slot < line->slots;
              slot += row->by == DESCRIBED_BY_GROUP ? row->repeats : 1) {
             if (row->by == DESCRIBED_BY_GROUP) {
-                described_send_group(host, bus, row, slot);
+                struct bus_frame frame = {.id = described_id(row, slot / row->repeats),
+                                          .flags = row->flags};
+                unsigned parts = 0;
+
+                /* Queue the set points of a group of axes in one frame */
+                for (unsigned k = 0; k < row->repeats && slot + k < host->line[bus].slots; k++) {
+                    const struct described_letter letter = {.row = row,
+                                                            .axis = host->line[bus].slot[slot + k],
+                                                            .state = protocol->host.on_state};
+
+                    described_fill(host, bus, &letter, slot / row->repeats, k, &frame);
+                    parts = k + 1;
+                }
+                frame.len = described_length(row, parts);
+                if (frame.len > 0) {
+                    host_queue(host, bus, &frame);
+                }
             } else {
                 described_send_to_axis(host, bus, row, slot, protocol->host.on_state);
             }
@@ -541,22 +535,6 @@ static void described_read_motor_field(struct host *host, const struct described
     }
 }
 
-/* Stores one field of a force-torque board's frame: a channel, N or N m, or its overflow. */
-static void described_read_force(struct host *host, const struct described_news *news,
-                                 const struct described_field *of, int64_t count)
-{
-    struct host_force *force = &host->force[news->node->ft];
-    unsigned channel = of->meaning - DESCRIBED_FT_CHANNEL;
-
-    if (of->meaning == DESCRIBED_SATURATED) {
-        force->overflow = count != 0;
-    } else if (channel < HOST_CHANNELS) {
-        *(channel < 3 ? &force->force_n[channel] : &force->torque_nm[channel - 3]) =
-            described_value(of, count);
-        *(channel < 3 ? &force->force_time_ns : &force->torque_time_ns) = host->now_ns;
-    }
-}
-
 /* Stores one field of an inertial board's frame. */
 static void described_read_motion(struct host *host, const struct described_field *of,
                                   int64_t count)
@@ -580,24 +558,6 @@ static void described_read_motion(struct host *host, const struct described_fiel
     }
 }
 
-/* Records an answer for the start-up. */
-static void described_note_answer(const struct described_protocol *protocol,
-                                  const struct described_news *news)
-{
-    struct host_node *node = news->node;
-    unsigned kind = described_node_kind(node);
-
-    if (!node->found &&
-        (protocol->host.discover.count == 0 ||
-         described_is_answer(protocol, &protocol->host.discover, kind, news->row))) {
-        node->found = true;
-    }
-    if (node->answered < node->requested &&
-        described_is_answer(protocol, &protocol->host.configure, kind, news->row)) {
-        node->answered = node->requested;
-    }
-}
-
 /* Reads a received frame (struct host_ops). */
 static void host_described_read(struct host *host, size_t bus, const struct bus_frame *frame)
 {
@@ -607,7 +567,18 @@ static void host_described_read(struct host *host, size_t bus, const struct bus_
     if (!host_described_identify(host, bus, &news)) {
         return;
     }
-    described_note_answer(protocol, &news);
+    /* Record an answer for the start-up */
+    struct host_node *node = news.node;
+    unsigned kind = described_node_kind(node);
+
+    if (!node->found && (protocol->host.discover.count == 0 ||
+                         described_is_answer(protocol, &protocol->host.discover, kind, news.row))) {
+        node->found = true;
+    }
+    if (node->answered < node->requested &&
+        described_is_answer(protocol, &protocol->host.configure, kind, news.row)) {
+        node->answered = node->requested;
+    }
     /* Read the repetitions, one for each axis of the board, in order */
     do {
         for (size_t i = 0; i < news.row->nread; i++) {
@@ -617,7 +588,18 @@ static void host_described_read(struct host *host, size_t bus, const struct bus_
             if (news.node->kind == HOST_MOTOR_BOARD) {
                 described_read_motor_field(host, protocol, &news, field, count);
             } else if (news.node->kind == HOST_FT_BOARD) {
-                described_read_force(host, &news, field, count);
+                struct host_force *force = &host->force[news.node->ft];
+                unsigned channel = field->meaning - DESCRIBED_FT_CHANNEL;
+
+                /* Store one field of a force-torque board's frame: a channel, N or N m, or its
+                 * overflow */
+                if (field->meaning == DESCRIBED_SATURATED) {
+                    force->overflow = count != 0;
+                } else if (channel < HOST_CHANNELS) {
+                    *(channel < 3 ? &force->force_n[channel] : &force->torque_nm[channel - 3]) =
+                        described_value(field, count);
+                    *(channel < 3 ? &force->force_time_ns : &force->torque_time_ns) = host->now_ns;
+                }
             } else {
                 described_read_motion(host, field, count);
             }

@@ -105,20 +105,6 @@ static enum error_code export_all(const struct rig *rig, const char *folder, str
     return ERROR_NONE;
 }
 
-/* Sets the error for an unknown bus; it lists the rig's buses. */
-static enum error_code refuse_bus(const char *bus, const struct rig *rig, struct error *error)
-{
-    char names[256] = "";
-    size_t used = 0;
-
-    for (size_t i = 0; i < rig->nbus && used < sizeof names; i++) {
-        used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i ? ", " : "",
-                                 rig->bus[i].name);
-    }
-    return error_set(error, ERROR_INPUT, "--bus: found \"%.100s\", expected a bus of %.200s: %s%s",
-                     bus, rig->file, names, used < sizeof names ? "" : "...");
-}
-
 struct dbc_options {
     const char *rig, *bus, *output;
 };
@@ -136,7 +122,17 @@ static enum error_code export_rig(const struct dbc_options *o, const struct rig 
     }
     found = rig_find_bus(rig, o->bus);
     if (found < 0) {
-        return refuse_bus(o->bus, rig, error);
+        char names[256] = "";
+        size_t used = 0;
+
+        /* Set the error for an unknown bus; it lists the rig's buses */
+        for (size_t i = 0; i < rig->nbus && used < sizeof names; i++) {
+            used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i ? ", " : "",
+                                     rig->bus[i].name);
+        }
+        return error_set(error, ERROR_INPUT,
+                         "--bus: found \"%.100s\", expected a bus of %.200s: %s%s", o->bus,
+                         rig->file, names, used < sizeof names ? "" : "...");
     }
     if (o->output && strlen(o->output) >= PATH_SIZE) {
         return error_set(error, ERROR_INPUT, "--output: the file's name is too long");

@@ -99,39 +99,6 @@ protocol_add_text(struct protocol_line *line, const char *format, ...)
     line->used += length < 0 ? 0 : (size_t)length < room ? (size_t)length : room - 1;
 }
 
-/* Adds unit and scale, and the range if it is not the range of the type. */
-static void protocol_add_measure(struct protocol_line *line, const struct field *field)
-{
-    double scale = field->scale != 0.0 ? field->scale : 1.0;
-    bool limited = field->min || field->max;
-    const char *unit = field->unit ? field->unit : "";
-
-    if (field->unit && scale == 1.0) {
-        protocol_add_text(line, ", %s", unit);
-    } else if (field->unit) {
-        protocol_add_text(line, ", in %g %s", scale, unit);
-    }
-    if (limited || (scale != 1.0 && !(field->type & FIELD_FLOAT))) {
-        int64_t low = limited ? field->min : field_lowest(field);
-        int64_t high = limited ? field->max : field_highest(field);
-
-        protocol_add_text(line, ", %.10g to %.10g%s%s", scale * (double)low + field->offset,
-                          scale * (double)high + field->offset, *unit ? " " : "", unit);
-    }
-}
-
-/* Adds the protocol's meaning of a field's values, if there is one. */
-static void protocol_add_note(struct protocol_line *line, const struct protocol *protocol,
-                              const struct message *message, size_t index)
-{
-    char note[80] = "";
-
-    if (protocol->note_field) {
-        protocol->note_field(message, index, note, sizeof note);
-    }
-    protocol_add_text(line, "%s%s", *note ? ", " : "", note);
-}
-
 /* Prints a field with its place, type, measure and named values; index counts fields of data and
  * identifier. */
 static void protocol_put_field(const struct field *field, unsigned bit, bool in_id,
@@ -161,8 +128,30 @@ static void protocol_put_field(const struct field *field, unsigned bit, bool in_
                       : field->type & FIELD_SIGNED ? 'i'
                                                    : 'u',
                       bits, field->type & FIELD_BIG_ENDIAN ? " be" : "");
-    protocol_add_measure(&line, field);
-    protocol_add_note(&line, protocol, message, index);
+    /* Add unit and scale, and the range if it is not the range of the type */
+    double scale = field->scale != 0.0 ? field->scale : 1.0;
+    bool limited = field->min || field->max;
+    const char *unit = field->unit ? field->unit : "";
+
+    if (field->unit && scale == 1.0) {
+        protocol_add_text(&line, ", %s", unit);
+    } else if (field->unit) {
+        protocol_add_text(&line, ", in %g %s", scale, unit);
+    }
+    if (limited || (scale != 1.0 && !(field->type & FIELD_FLOAT))) {
+        int64_t low = limited ? field->min : field_lowest(field);
+        int64_t high = limited ? field->max : field_highest(field);
+
+        protocol_add_text(&line, ", %.10g to %.10g%s%s", scale * (double)low + field->offset,
+                          scale * (double)high + field->offset, *unit ? " " : "", unit);
+    }
+    /* Add the protocol's meaning of a field's values, if there is one */
+    char note[80] = "";
+
+    if (protocol->note_field) {
+        protocol->note_field(message, index, note, sizeof note);
+    }
+    protocol_add_text(&line, "%s%s", *note ? ", " : "", note);
     for (const struct field_value *v = field->values; v && v->name; v++) {
         protocol_add_text(&line, "%s %" PRId64 " = %s", v == field->values ? ";" : ",", v->value,
                           v->name);
@@ -262,41 +251,6 @@ static struct protocol_frame *protocol_find_answer(struct protocol_frames *frame
     return NULL;
 }
 
-/* Prints a frame, and its answer below. If the answer was already printed, prints the answer's
- * fields only if it has a code of its own. */
-static void protocol_put_frame(struct protocol_frames *frames, struct protocol_frame *frame,
-                               FILE *out)
-{
-    const struct message *message = &frame->message;
-    struct protocol_frame *answer = protocol_find_answer(frames, message);
-
-    fprintf(out, "\n### %s\n\n%s, ", message->name,
-            message->from_host ? "Host to board" : "Board to host");
-    protocol_put_id(frames, message, out);
-    if (!message->from_host && !message->cycle_ns) {
-        fputs(", when there is something to tell", out);
-    }
-    fputs(".\n", out);
-    protocol_put_fields(frames->protocol, message, out);
-    frame->printed = true;
-
-    /* The answer is printed with its command, not in its own section */
-    if (answer) {
-        bool own_code = answer->message.code != MESSAGE_NO_CODE;
-
-        fputs("\nAnswer: ", out);
-        if (strcmp(answer->message.name, message->name) != 0) {
-            fprintf(out, "%s, ", answer->message.name);
-        }
-        protocol_put_id(frames, &answer->message, out);
-        fputs(".\n", out);
-        if (own_code || !answer->printed) {
-            protocol_put_fields(frames->protocol, &answer->message, out);
-        }
-        answer->printed = true;
-    }
-}
-
 /* ---- sections ---- */
 
 /* Prints the frames by section: the protocol's sections, or one per sender. */
@@ -320,45 +274,36 @@ static void protocol_put_sections(struct protocol_frames *frames, FILE *out)
                 fprintf(out, "\n## %s\n", sections[s]);
                 titled = true;
             }
-            protocol_put_frame(frames, frame, out);
-        }
-    }
-}
+            /* Print a frame, and its answer below. If the answer was already printed, print
+             * the answer's fields only if it has a code of its own. */
+            const struct message *message = &frame->message;
+            struct protocol_frame *answer = protocol_find_answer(frames, message);
 
-static void protocol_page_print(const struct protocol *protocol, FILE *out)
-{
-    static struct protocol_frames frames;
+            fprintf(out, "\n### %s\n\n%s, ", message->name,
+                    message->from_host ? "Host to board" : "Board to host");
+            protocol_put_id(frames, message, out);
+            if (!message->from_host && !message->cycle_ns) {
+                fputs(", when there is something to tell", out);
+            }
+            fputs(".\n", out);
+            protocol_put_fields(frames->protocol, message, out);
+            frame->printed = true;
 
-    fprintf(out, "# What `%s` boards speak\n\n", protocol->name);
-    options_wrap(protocol->help, 0, 0, out);
-    protocol_collect(&(struct boards_bus_config){.protocol = protocol}, &frames);
-    protocol_put_sections(&frames, out);
+            /* The answer is printed with its command, not in its own section */
+            if (answer) {
+                bool own_code = answer->message.code != MESSAGE_NO_CODE;
 
-    /* Prints the fault bits of an axis */
-    fputs("\n## Faults\n\nThe bits of the fields `fault` and `faults` of an axis:\n\n", out);
-    for (int bit = 0; protocol->fault_names[bit]; bit++) {
-        fprintf(out, "- bit %d: %s\n", bit, protocol->fault_names[bit]);
-    }
-    if (protocol->print_appendix) {
-        protocol->print_appendix(out);
-    }
-}
-
-static void protocol_page_print_described(const struct described_protocol *described, FILE *out)
-{
-    const struct boards_bus_config bus = {.protocol = &protocol_described, .described = described};
-    static struct protocol_frames frames;
-
-    fprintf(out, "# What `%s` boards speak\n\n", described->name);
-    options_wrap(described->description, 0, 0, out);
-    protocol_collect(&bus, &frames);
-    protocol_put_sections(&frames, out);
-    if (described->tells[DESCRIBED_FAULTS]) {
-        fputs("\n## Faults\n\nThe bits of its fields of faults:\n\n", out);
-    }
-    for (int i = 0; i < DESCRIBED_FAULT_KINDS; i++) {
-        if (described->fault_bit[i] >= 0 && described->tells[DESCRIBED_FAULTS]) {
-            fprintf(out, "- bit %d: %s\n", described->fault_bit[i], described_fault_names[i]);
+                fputs("\nAnswer: ", out);
+                if (strcmp(answer->message.name, message->name) != 0) {
+                    fprintf(out, "%s, ", answer->message.name);
+                }
+                protocol_put_id(frames, &answer->message, out);
+                fputs(".\n", out);
+                if (own_code || !answer->printed) {
+                    protocol_put_fields(frames->protocol, &answer->message, out);
+                }
+                answer->printed = true;
+            }
         }
     }
 }
@@ -376,7 +321,24 @@ static enum error_code print_described(const char *name, struct error *error)
     code = code ? code : arena_init(&arena, MEMORY, error);
     code = code ? code : described_load(path, &arena, &protocol, error);
     if (!code) {
-        protocol_page_print_described(protocol, stdout);
+        const struct described_protocol *described = protocol;
+        const struct boards_bus_config bus = {.protocol = &protocol_described,
+                                              .described = described};
+        static struct protocol_frames frames;
+
+        fprintf(stdout, "# What `%s` boards speak\n\n", described->name);
+        options_wrap(described->description, 0, 0, stdout);
+        protocol_collect(&bus, &frames);
+        protocol_put_sections(&frames, stdout);
+        if (described->tells[DESCRIBED_FAULTS]) {
+            fputs("\n## Faults\n\nThe bits of its fields of faults:\n\n", stdout);
+        }
+        for (int i = 0; i < DESCRIBED_FAULT_KINDS; i++) {
+            if (described->fault_bit[i] >= 0 && described->tells[DESCRIBED_FAULTS]) {
+                fprintf(stdout, "- bit %d: %s\n", described->fault_bit[i],
+                        described_fault_names[i]);
+            }
+        }
     }
     arena_fini(&arena);
     return code;
@@ -431,7 +393,21 @@ int cmd_protocol(int argc, char **argv)
      * C */
     protocol = protocol_find(name);
     if (protocol && protocol->help) {
-        protocol_page_print(protocol, stdout);
+        static struct protocol_frames frames;
+
+        fprintf(stdout, "# What `%s` boards speak\n\n", protocol->name);
+        options_wrap(protocol->help, 0, 0, stdout);
+        protocol_collect(&(struct boards_bus_config){.protocol = protocol}, &frames);
+        protocol_put_sections(&frames, stdout);
+
+        /* Print the fault bits of an axis */
+        fputs("\n## Faults\n\nThe bits of the fields `fault` and `faults` of an axis:\n\n", stdout);
+        for (int bit = 0; protocol->fault_names[bit]; bit++) {
+            fprintf(stdout, "- bit %d: %s\n", bit, protocol->fault_names[bit]);
+        }
+        if (protocol->print_appendix) {
+            protocol->print_appendix(stdout);
+        }
         return STATUS_OK;
     }
     nearest = text_nearest(name, names, count);
