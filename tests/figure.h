@@ -9,11 +9,6 @@
 
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
 /* Returns the figure of the table, a NaN when it has none of that name. */
 static inline double figure_read(const char *name)
 {

@@ -6,8 +6,6 @@
 #include "sim/simulator.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-
 /* Copies a rig of config/rigs to where the test may change it. */
 static inline void rig_run_load(const char *name, struct arena *arena, struct rig *rig)
 {

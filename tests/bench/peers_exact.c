@@ -8,8 +8,7 @@
 #include "tests/unit/model/random_robot.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <unistd.h>
+static struct error error;
 
 #define MODULE HIL_BINARY_DIR "/tests/" PEERS_FILE
 
@@ -18,8 +17,6 @@ static const double tolerance = 1e-10;
 /* Loads the module, or skips. */
 static const struct peers *open_peers(struct peers_library *library)
 {
-    struct error error;
-
     assert_no_error(peers_open(MODULE, library, &error), error.text);
     if (library->peers->ndynamics == 0) {
         print_message("SKIP: neither Simbody nor MuJoCo was found when this was built\n");
@@ -62,7 +59,6 @@ static void compare_all(const char *path, size_t njoint)
     const struct peers *peers = open_peers(&library);
     const struct robot *robot;
     struct arena arena;
-    struct error error;
 
     assert_ok(arena_init(&arena, 1 << 24, &error));
     if (robot_load(path, NULL, &arena, &robot, &error) ||
@@ -93,19 +89,19 @@ TEST(walkman_moves_as_in_every_peer)
     compare_all(HIL_SOURCE_DIR "/config/robots/walkman.yaml", 0);
 }
 
+CLOSED_BENCH(peers_library, struct peers_library, peers_close)
+
 /* Any tree: fixed and floating bases, sliding joints, branches. The numeric implementation only:
  * the generator's code is compared with it elsewhere, and each tree would have to be compiled. */
-TEST(random_trees_move_as_in_every_peer)
+TEST_ON(random_trees_move_as_in_every_peer, peers_library, library)
 {
     enum { TREES = 60 };
-    struct peers_library library;
-    const struct peers *peers = open_peers(&library);
+    const struct peers *peers = open_peers(library);
     static struct random_tree tree;
     const struct peer_dynamics *numeric = &bench_ours[0];
     double worst[8] = {0.0};
     uint64_t seed = 1961;
     void *engine;
-    struct error error;
 
     for (int n = 0; n < TREES; n++) {
         assert_ok(random_tree_make(&seed, &tree, &error));
@@ -130,17 +126,14 @@ TEST(random_trees_move_as_in_every_peer)
         print_message("# %d random trees and %s: largest average %.1e\n", TREES,
                       peers->dynamics[k].name, worst[k]);
     }
-    peers_close(&library);
 }
 
-TEST(a_wrong_robot_is_noticed)
+TEST_ON(a_wrong_robot_is_noticed, peers_library, library)
 {
-    struct peers_library library;
-    const struct peers *peers = open_peers(&library);
+    const struct peers *peers = open_peers(library);
     const struct robot *robot, *other;
     struct robot_body *body;
     struct arena arena;
-    struct error error;
 
     assert_ok(arena_init(&arena, 1 << 24, &error));
     if (robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error) ||
@@ -159,11 +152,10 @@ TEST(a_wrong_robot_is_noticed)
         peers->dynamics[k].destroy(peer);
     }
     arena_fini(&arena);
-    peers_close(&library);
 }
 
 /* ODE's pendulum starts where ours does and falls as gravity has it. */
-TEST(the_chain_of_bodies_starts_in_line)
+TEST_ON(the_chain_of_bodies_starts_in_line, peers_library, library)
 {
     static const struct peer_chain chain = {.count = 2,
                                             .gravity = 1.0,
@@ -172,18 +164,16 @@ TEST(the_chain_of_bodies_starts_in_line)
                                             .com = {1.0, 2.5},
                                             .reach = 2.0,
                                             .speed = 0.5};
-    struct peers_library library;
     struct peer_chain_body body[2];
     char message[512];
-    struct error error;
 
-    assert_no_error(peers_open(MODULE, &library, &error), error.text);
-    if (library.peers->npendulum == 0) {
+    assert_no_error(peers_open(MODULE, library, &error), error.text);
+    if (library->peers->npendulum == 0) {
         print_message("SKIP: ODE was not found when this was built\n");
         skip();
     }
-    for (size_t k = 0; k < library.peers->npendulum; k++) {
-        const struct peer_pendulum *peer = &library.peers->pendulum[k];
+    for (size_t k = 0; k < library->peers->npendulum; k++) {
+        const struct peer_pendulum *peer = &library->peers->pendulum[k];
         void *engine = peer->create(&chain, 1e-4, message, sizeof message);
 
         assert_non_null(engine);
@@ -198,19 +188,14 @@ TEST(the_chain_of_bodies_starts_in_line)
         }
         peer->destroy(engine);
     }
-    peers_close(&library);
 }
 
-TEST(a_missing_module_is_reported)
+TEST_ON(a_missing_module_is_reported, peers_library, library)
 {
-    struct peers_library library;
-    struct error error;
-
-    assert_int_equal(peers_open("/nonexistent/libhil-peers.so", &library, &error),
+    assert_int_equal(peers_open("/nonexistent/libhil-peers.so", library, &error),
                      ERROR_UNSUPPORTED);
-    assert_null(library.peers);
+    assert_null(library->peers);
     /* a library, but not this one */
-    assert_int_equal(peers_open("libm.so.6", &library, &error), ERROR_UNSUPPORTED);
-    assert_null(library.handle);
-    peers_close(&library);
+    assert_int_equal(peers_open("libm.so.6", library, &error), ERROR_UNSUPPORTED);
+    assert_null(library->handle);
 }

@@ -7,7 +7,6 @@
 #include "tests/fuzz/fuzz.h"
 #include "tests/mesh_write.h"
 
-#include <math.h>
 #include <string.h>
 
 static void check_mesh(const struct mesh *mesh)

@@ -14,12 +14,10 @@
 #include "tests/fuzz/fuzz.h"
 #include "tests/unit/base/try_command.h"
 
-#include <errno.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 enum { TEXT = 512, ARGUMENTS = 16, WORDS = 6, STEPS_MAX = 4096 };
 

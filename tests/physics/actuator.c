@@ -6,8 +6,6 @@
 #include "model/drives/actuator.h"
 #include "model/integrator.h"
 
-#include <math.h>
-
 #include "tests/physics/coman_drive.h"
 #include "tests/physics/near.h"
 #include "tests/test.h"

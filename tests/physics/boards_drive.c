@@ -14,9 +14,6 @@
 #include "tests/protocol_file.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <string.h>
-
 enum { HIP = 0, TICK_NS = 1000000, SUBSTEP_NS = 100000 };
 
 #define GEAR 100.0

@@ -4,9 +4,6 @@
  * surfaces never pull, friction is within its cone, in every millisecond of a walk and of falls;
  * and the peak of an impact is seen, though it falls between two ticks.
  */
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
 
 #include "sim/simulator.h"
 #include "tests/physics/near.h"

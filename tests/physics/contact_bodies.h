@@ -8,11 +8,6 @@
 
 #include "contact/contact.h"
 
-#include <math.h>
-#include <stdbool.h>
-#include <stdio.h>
-#include <string.h>
-
 #include "tests/physics/contact_scene.h"
 #include "tests/test.h"
 

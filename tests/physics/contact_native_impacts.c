@@ -6,11 +6,6 @@
  */
 #include "contact/contact.h"
 
-#include <math.h>
-#include <stdbool.h>
-#include <stdio.h>
-#include <string.h>
-
 #include "tests/physics/contact_bodies.h"
 #include "tests/physics/near.h"
 #include "tests/test.h"

@@ -5,10 +5,6 @@
  */
 #include "contact/contact.h"
 
-#include <stdbool.h>
-#include <stdlib.h>
-#include <string.h>
-
 #include "tests/physics/contact_scene.h"
 #include "tests/physics/counting_malloc.h"
 #include "tests/test.h"

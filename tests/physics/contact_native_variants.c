@@ -5,9 +5,6 @@
  */
 #include "base/instruction_set.h"
 
-#include <math.h>
-#include <stdio.h>
-
 #include "tests/physics/contact_scene.h"
 #include "tests/test.h"
 

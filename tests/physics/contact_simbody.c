@@ -2,11 +2,6 @@
 /* The contact engine "simbody" against contact.h's law worked out by hand. */
 #include "contact/contact.h"
 
-#include <math.h>
-#include <stdbool.h>
-#include <stdio.h>
-#include <string.h>
-
 #include "tests/physics/contact_fixture.h"
 #include "tests/physics/near.h"
 #include "tests/test.h"

@@ -3,8 +3,6 @@
 #include "tests/physics/counting_malloc.h"
 #include "tests/test.h"
 
-#include <stdlib.h>
-
 /* Volatile: compilers assume that an allocator touches nothing else */
 static volatile size_t calls;
 

@@ -7,13 +7,12 @@
 #include "model/coupling.h"
 #include "model/settle.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
 #include "tests/physics/toy_plant.h"
 #include "tests/test.h"
+
+static struct error error;
 
 /* Two bodies on a fixed base, the second on the base or on the first, the second joint a follower
  * of the first. */
@@ -67,14 +66,14 @@ static void wheels_init(struct pair *pair, enum plant_integrator integrator, int
 }
 
 /* At rest, the follower off by an angle from where its leader wants it. */
-static void wheels_start(struct pair *pair, double q, double error)
+static void wheels_start(struct pair *pair, double q, double gap)
 {
-    const double joint[2] = {q, TIMES * q + SHIFT + error};
+    const double joint[2] = {q, TIMES * q + SHIFT + gap};
 
     assert_ok(plant_reset(pair->plant, NULL, NULL, joint));
 }
 
-/* The error e = q_f - m q_l - o follows e'' = -w^2 e, w^2 = K (1/I_f + m^2/I_l): one swings against
+/* The gap e = q_f - m q_l - o follows e'' = -w^2 e, w^2 = K (1/I_f + m^2/I_l): one swings against
  * the other, and I_l q_l' + m I_f q_f' stays what it was. */
 TEST(wheels_swing_as_the_closed_form)
 {
@@ -334,7 +333,7 @@ static void pendulum_init(struct pair *pair, enum plant_integrator integrator, i
 TEST(pendulum_moves_as_its_own_equations)
 {
     const double start[2] = {1.2, 0.3};
-    double y[4] = {start[0], start[1], 0.0, 0.0}, error[3];
+    double y[4] = {start[0], start[1], 0.0, 0.0}, apart[3];
     struct pair pair;
 
     for (int i = 0; i < 3; i++) {
@@ -346,13 +345,13 @@ TEST(pendulum_moves_as_its_own_equations)
         for (int k = 0; i == 0 && k < 100000; k++) {
             pendulum_step(&pair.coupling, 1e-5, y);
         }
-        error[i] = fmax(fabs(pair.q[0] - y[0]), fabs(pair.q[1] - y[1]));
+        apart[i] = fmax(fabs(pair.q[0] - y[0]), fabs(pair.q[1] - y[1]));
         arena_fini(&pair.on.arena);
     }
     print_message("# implicit: %.1e, %.1e, %.1e rad off after 1 s in steps of 1, 1/2, 1/4 ms\n",
-                  error[0], error[1], error[2]);
-    assert_true(error[0] <= 6e-3);
-    assert_true(log2(error[0] / error[1]) > 1.8 && log2(error[1] / error[2]) > 1.8);
+                  apart[0], apart[1], apart[2]);
+    assert_true(apart[0] <= 6e-3);
+    assert_true(log2(apart[0] / apart[1]) > 1.8 && log2(apart[1] / apart[2]) > 1.8);
 
     pendulum_init(&pair, PLANT_DOPRI5, 1000000);
     assert_ok(plant_reset(pair.plant, NULL, NULL, start));
@@ -413,7 +412,6 @@ TEST(settled_follower_sags_by_its_weight)
     const double K = 500.0, times = 0.5, start[2] = {0.4, 0.2};
     struct settled settled;
     struct pair pair;
-    struct error error;
     double weight, before[2];
 
     toy_plant_begin(&pair.on, PLANT_RK4, 1);
@@ -450,7 +448,6 @@ TEST(settled_walker_stands)
     struct robot_coupling coupling[2];
     struct settled settled;
     struct plant_rig rig;
-    struct error error;
     double before[15], moved = 0.0;
 
     plant_rig_coupled_walker(&rig, coupling, PLANT_IMPLICIT, 1000000);

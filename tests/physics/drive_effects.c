@@ -5,8 +5,6 @@
  * 1 us. The link is clamped unless said otherwise; the default integrator at its default step of 1
  * ms.
  */
-#include <math.h>
-#include <stdio.h>
 
 #include "model/drives/effects.h"
 #include "tests/physics/near.h"

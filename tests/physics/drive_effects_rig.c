@@ -3,8 +3,6 @@
  * COMAN on drives as real ones are, rig coman-drives: it stands on gears that hold, and moves with
  * an account of its energy that closes.
  */
-#include <math.h>
-#include <stdio.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"

@@ -6,9 +6,6 @@
 #include "tests/physics/plant_rig.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <string.h>
-
 enum { HIP = 0, SUBSTEP_NS = 100000, STEPS_A_MS = 10 };
 
 static const enum plant_integrator integrators[] = {PLANT_RK4, PLANT_IMPLICIT, PLANT_DOPRI5};
@@ -241,21 +238,21 @@ TEST(energy_that_breaks_away_counts_as_friction)
     }
 }
 
-TEST(condition_ends_with_a_reset)
+CLOSED_BENCH(plant_rig, struct plant_rig, plant_rig_fini)
+
+TEST_ON(condition_ends_with_a_reset, plant_rig, rig)
 {
-    struct plant_rig rig;
-    struct motor_command *motor = start(&rig, PLANT_RK4);
+    struct motor_command *motor = start(rig, PLANT_RK4);
     uint64_t sound;
 
-    run(&rig, 5);
-    sound = plant_hash(rig.plant);
+    run(rig, 5);
+    sound = plant_hash(rig->plant);
     motor->condition = DRIVE_JAM | DRIVE_SPRING_BREAK;
-    run(&rig, 5);
+    run(rig, 5);
     motor->condition = 0;
-    plant_rig_reset(&rig, 1.0);
-    run(&rig, 5);
-    assert_true(plant_hash(rig.plant) == sound);
-    plant_rig_fini(&rig);
+    plant_rig_reset(rig, 1.0);
+    run(rig, 5);
+    assert_true(plant_hash(rig->plant) == sound);
 }
 
 /* ---- the supply ---- */
@@ -277,65 +274,60 @@ static struct plant *make_weak(struct plant_rig *rig, double ohm)
 }
 
 /* All drives jammed at V: P = sum of V^2/R, and the supply solves U = 48 - r P/U. */
-TEST(supply_sags_under_the_power_that_the_bridges_take)
+TEST_ON(supply_sags_under_the_power_that_the_bridges_take, plant_rig, rig)
 {
     static const double joint[8] = {0}, position[3] = {0}, quaternion[4] = {1.0, 0, 0, 0};
-    struct plant_rig rig;
     struct plant *plant;
     double power = 0.0, supply;
 
-    plant_rig_walker_with(&rig, false, PLANT_RK4, SUBSTEP_NS, 0.0);
-    plant = make_weak(&rig, 0.5);
+    plant_rig_walker_with(rig, false, PLANT_RK4, SUBSTEP_NS, 0.0);
+    plant = make_weak(rig, 0.5);
     assert_ok(plant_reset(plant, position, quaternion, joint));
     assert_true(plant_sensors(plant)->supply_v == 48.0);
-    for (size_t j = 0; j < rig.toy.robot.njoint; j++) {
+    for (size_t j = 0; j < rig->toy.robot.njoint; j++) {
         plant_command(plant)->motor[j] =
             (struct motor_command){.bridge_on = true, .voltage_v = 6.64, .condition = DRIVE_JAM};
-        power += rig.toy.joint[j].sea.present ? 6.64 * 10.0 : 0.0;
+        power += rig->toy.joint[j].sea.present ? 6.64 * 10.0 : 0.0;
     }
     assert_ok(plant_step(plant, 300));
     assert_ok(plant_sample(plant));
     supply = plant_sensors(plant)->supply_v;
     assert_true(supply < 44.0 && supply > 24.0);
     assert_close(supply, 48.0 - 0.5 * power / supply, 1e-6);
-    plant_rig_fini(&rig);
 }
 
-TEST(terminal_voltage_is_clipped_to_the_sagging_source)
+TEST_ON(terminal_voltage_is_clipped_to_the_sagging_source, plant_rig, rig)
 {
-    struct plant_rig rig;
-    struct motor_command *motor = start(&rig, PLANT_RK4);
+    struct motor_command *motor = start(rig, PLANT_RK4);
 
     motor->bridge_on = true;
     motor->voltage_v = 40.0;
-    plant_command(rig.plant)->supply_sag_v = 30.0;
-    run(&rig, 1);
-    assert_true(plant_sensors(rig.plant)->supply_v == 18.0);
-    assert_true(hip(&rig)->voltage_v == 18.0);
-    plant_command(rig.plant)->supply_sag_v = 0.0;
-    run(&rig, 1);
-    assert_true(hip(&rig)->voltage_v == 40.0);
-    plant_rig_fini(&rig);
+    plant_command(rig->plant)->supply_sag_v = 30.0;
+    run(rig, 1);
+    assert_true(plant_sensors(rig->plant)->supply_v == 18.0);
+    assert_true(hip(rig)->voltage_v == 18.0);
+    plant_command(rig->plant)->supply_sag_v = 0.0;
+    run(rig, 1);
+    assert_true(hip(rig)->voltage_v == 40.0);
 }
 
 /* Rotors at 5 rad/s have 20.5 V of back-EMF; bridges that keep 10 V across them feed the source. */
-TEST(braking_drives_lift_the_supply)
+TEST_ON(braking_drives_lift_the_supply, plant_rig, rig)
 {
     static const double joint[8] = {0}, position[3] = {0}, quaternion[4] = {1.0, 0, 0, 0};
-    struct plant_rig rig;
     struct plant *plant;
     double power = 0.0, supply, *state;
     size_t count, drives;
 
-    plant_rig_walker_with(&rig, false, PLANT_RK4, SUBSTEP_NS, 0.0);
-    plant = make_weak(&rig, 0.5);
+    plant_rig_walker_with(rig, false, PLANT_RK4, SUBSTEP_NS, 0.0);
+    plant = make_weak(rig, 0.5);
     assert_ok(plant_reset(plant, position, quaternion, joint));
     state = plant_state(plant, &count);
-    drives = rig.toy.robot.nq + rig.toy.robot.nv;
-    for (size_t j = 0; j < rig.toy.robot.njoint; j++) {
+    drives = rig->toy.robot.nq + rig->toy.robot.nv;
+    for (size_t j = 0; j < rig->toy.robot.njoint; j++) {
         plant_command(plant)->motor[j] =
             (struct motor_command){.bridge_on = true, .voltage_v = 10.0};
-        if (rig.toy.joint[j].sea.present) {
+        if (rig->toy.joint[j].sea.present) {
             state[drives + 1] = 5.0;
             state[drives + 2] = (10.0 - 4.1 * 5.0) / 0.664;
             drives += 3;
@@ -343,14 +335,13 @@ TEST(braking_drives_lift_the_supply)
     }
     assert_ok(plant_step(plant, 1));
     assert_ok(plant_sample(plant));
-    for (size_t j = 0; j < rig.toy.robot.njoint; j++) {
+    for (size_t j = 0; j < rig->toy.robot.njoint; j++) {
         power += 10.0 * plant_sensors(plant)->motor[j].current_a;
     }
     supply = plant_sensors(plant)->supply_v;
     assert_true(power < -900.0);
     assert_true(supply > 55.0);
     assert_close(supply, 48.0 - 0.5 * power / supply, 1e-9);
-    plant_rig_fini(&rig);
 }
 
 /* A loose rotor at w0 with V across it: while it slows down to V / Kw it gives back

@@ -6,9 +6,6 @@
  * COMAN there are (48 unless given, 1,000 at a release; of WALK-MAN, and of each kind of COMAN's
  * hard falls, an eighth), HIL_FALL the first one.
  */
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 
 #include "model/stop.h"
 #include "tests/physics/near.h"
@@ -294,34 +291,30 @@ TEST(coman_falls_hard_on_a_bump)
     coman_falls_hard(&coman_on_bump, 0.09);
 }
 
-TEST(friction_stores_no_more_than_it_takes)
-{
-    static struct rig_scene scene;
+CLOSED_BENCH(rig_scene, struct rig_scene, rig_scene_fini)
 
-    rig_scene_init(&scene, &coman);
+TEST_ON(friction_stores_no_more_than_it_takes, rig_scene, scene)
+{
+    rig_scene_init(scene, &coman);
     for (size_t i = 0; i < sizeof hard / sizeof hard[0]; i++) {
-        struct fall fall = run_fall(&scene, &from_low, 0, hard[i]);
+        struct fall fall = run_fall(scene, &from_low, 0, hard[i]);
 
         print_message("# fall %llu: stored grows by %.3g J at most\n", (unsigned long long)hard[i],
                       fall.growth);
         assert_true(fall.growth < 1e-4);
     }
-    rig_scene_fini(&scene);
 }
 
-TEST(rotors_gain_nothing_at_the_stops_of_their_springs)
+TEST_ON(rotors_gain_nothing_at_the_stops_of_their_springs, rig_scene, scene)
 {
-    static struct rig_scene scene;
-
-    rig_scene_init(&scene, &walkman);
+    rig_scene_init(scene, &walkman);
     for (size_t i = 0; i < sizeof struck / sizeof struck[0]; i++) {
-        struct fall fall = run_fall(&scene, &from_low, 0, struck[i]);
+        struct fall fall = run_fall(scene, &from_low, 0, struck[i]);
 
         print_message("# fall %llu: stored grows by %.3g J at most\n",
                       (unsigned long long)struck[i], fall.growth);
         assert_true(fall.growth < 1e-2);
     }
-    rig_scene_fini(&scene);
 }
 
 TEST(walkman_comes_to_lie_on_the_ground)

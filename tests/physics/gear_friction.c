@@ -4,7 +4,6 @@
  * closed forms: its values, when a drive breaks away and when it is driven back, how a rotor speeds
  * up, that it rests exactly, and where the energy goes. Integrators agree on a swinging link.
  */
-#include <math.h>
 
 #include "model/drives/effects.h"
 #include "tests/physics/near.h"

@@ -6,10 +6,6 @@
  */
 #include "rig/rig.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 #include "model/spatial.h"
 #include "tests/figure.h"
 #include "tests/physics/near.h"
@@ -212,26 +208,27 @@ static double mean(const double *first, int count)
     return sum / count;
 }
 
-TEST(the_box_is_lifted_and_held)
+CLOSED_BENCH(scene, struct scene, scene_fini)
+
+TEST_ON(the_box_is_lifted_and_held, scene, scene)
 {
     enum { END = 3500, HOLD = 500 };
-    struct scene scene;
     double start, feet, creep;
     int touch = 0;
 
-    scene_init(&scene, "grasp", PLANT_IMPLICIT, 0, 0.0);
-    perform(&scene, END, track);
+    scene_init(scene, "grasp", PLANT_IMPLICIT, 0, 0.0);
+    perform(scene, END, track);
     while (track[touch].press[RIGHT] == 0.0) {
         touch++;
     }
-    start = 1e-3 * touch - scene.rig->grasp.settle_s;
+    start = 1e-3 * touch - scene->rig->grasp.settle_s;
     for (int k = 400; k < touch; k++) { /* the box has come to rest */
         assert_near(track[k].pull_z, weight, 2e-4 * weight);
     }
     assert_near(start, 1.06, 0.05);
     /* Friction carries the box, the feet carry all */
     assert_near(mean(&track[END - HOLD].pull_z, HOLD), weight, 0.02 * weight);
-    feet = 9.81 * (scene.robot->total_mass + 1.5);
+    feet = 9.81 * (scene->robot->total_mass + 1.5);
     assert_near(mean(&track[END - HOLD].feet, HOLD), feet, 0.01 * feet);
     for (int k = END - HOLD; k < END; k++) {
         assert_true(track[k].press[RIGHT] > 10.0);
@@ -248,21 +245,19 @@ TEST(the_box_is_lifted_and_held)
                   start, track[END - 1].press[RIGHT], 1e3 * (track[END - 1].box[2] - 0.55),
                   1e3 * creep, fabs(track[END - 1].twist));
     assert_true(fabs(creep) < 5e-4);
-    scene_fini(&scene);
 }
 
 /* Friction that sticks holds the box: once the robot has swayed out, 20 s after the lift, it stays
  * where it is between the wrists for a minute. */
-TEST(the_box_stays_in_the_grip_for_a_minute)
+TEST_ON(the_box_stays_in_the_grip_for_a_minute, scene, scene)
 {
     enum { CALM = 24000, END = CALM + 60000, EVERY = 10000 };
-    struct scene scene;
     struct sample now;
     double held = 0.0, crept = 0.0;
 
-    scene_init(&scene, "grasp", PLANT_IMPLICIT, 0, 0.0);
+    scene_init(scene, "grasp", PLANT_IMPLICIT, 0, 0.0);
     for (int k = 0; k < END; k++) {
-        perform_one(&scene, k, &now);
+        perform_one(scene, k, &now);
         if (k == CALM) {
             held = now.box[2] - now.wrist_z;
         } else if (k > CALM) {
@@ -276,7 +271,6 @@ TEST(the_box_stays_in_the_grip_for_a_minute)
     print_message("# crept by %.1e m at most\n", crept);
     assert_true(crept < 1e-4);
     assert_true(now.box[2] - 0.55 > 0.03);
-    scene_fini(&scene);
 }
 
 TEST(soft_elbows_give_way_and_press_less)
@@ -332,16 +326,15 @@ TEST(any_springs_are_stable_at_a_millisecond)
     }
 }
 
-TEST(with_the_base_held_the_box_is_lifted_too)
+TEST_ON(with_the_base_held_the_box_is_lifted_too, scene, scene)
 {
     enum { END = 2500 };
-    struct scene scene;
 
-    scene_init(&scene, "grasp-locked", PLANT_IMPLICIT, 0, 0.0);
-    assert_false(scene.robot->floating);
-    assert_int_equal(scene.robot->nq, scene.robot->njoint);
-    assert_int_equal(scene.rig->contact.npair, 3);
-    perform(&scene, END, track);
+    scene_init(scene, "grasp-locked", PLANT_IMPLICIT, 0, 0.0);
+    assert_false(scene->robot->floating);
+    assert_int_equal(scene->robot->nq, scene->robot->njoint);
+    assert_int_equal(scene->rig->contact.npair, 3);
+    perform(scene, END, track);
     for (int k = 300; k < 1400; k++) {
         assert_near(track[k].pull_z, weight, 0.005 * weight);
     }
@@ -349,7 +342,6 @@ TEST(with_the_base_held_the_box_is_lifted_too)
                   track[END - 1].press[RIGHT]);
     assert_true(track[END - 1].box[2] - 0.55 > 0.03);
     assert_true(track[END - 1].feet == 0.0);
-    scene_fini(&scene);
 }
 
 /* RMS over joints and time, and of the pressing force relative to it. */

@@ -3,8 +3,6 @@
  * Hydraulic joints with the numbers of HyQ's leg (bore 16 mm, rod 10 mm, stroke 80 mm, 160 bar)
  * against closed forms, and the default integrator at its step of 1 ms against dopri5.
  */
-#include <math.h>
-#include <stdio.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/oil_rig.h"

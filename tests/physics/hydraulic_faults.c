@@ -4,8 +4,6 @@
  * empties, leaks, a relief valve that stays shut, valves that stick, shift or lose their current;
  * and an empty supply, whose pressure a drop of oil moves, against dopri5.
  */
-#include <math.h>
-#include <stdio.h>
 
 #include "model/hydraulics/supply.h"
 #include "tests/physics/near.h"

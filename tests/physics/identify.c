@@ -9,9 +9,6 @@
 #include "tasks/trajectory.h"
 
 #include <complex.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -242,20 +239,20 @@ TEST(a_sweep_is_the_response_of_the_equations)
     }
 }
 
+CLOSED_BENCH(session, struct session, session_end)
+
 /* Half a period of the commands is in it: 1.4 degrees at 8 Hz. */
-TEST(a_sweep_of_the_reference_is_the_closed_loop)
+TEST_ON(a_sweep_of_the_reference_is_the_closed_loop, session, s)
 {
     static const char *const setting[] = {"sweep.from_hz=1", "sweep.to_hz=8", "sweep.points=6",
                                           "sweep.amplitude_rad=0.03"};
-    struct session s;
     const struct task *task;
 
-    session_load(&s, &ways[2]);
-    s.input.joint = "yaw";
-    task = session_run(&s, "sweep", setting, ARRAY_COUNT(setting));
-    assert_int_equal(s.status.status, TASK_DONE);
+    session_load(s, &ways[2]);
+    s->input.joint = "yaw";
+    task = session_run(s, "sweep", setting, ARRAY_COUNT(setting));
+    assert_int_equal(s->status.status, TASK_DONE);
     judge_sweep(task, &ways[2], 0.01, 2, true);
-    session_end(&s);
 }
 
 TEST(a_sweep_says_what_it_cannot_do)
@@ -367,22 +364,20 @@ TEST(a_joint_follows_within_the_bound)
     }
 }
 
-TEST(too_large_an_error_fails)
+TEST_ON(too_large_an_error_fails, session, s)
 {
     static const char *const setting[] = {"follow.tolerance_rad=0.001"};
-    struct session s;
     struct error error;
     char path[64];
 
     write_swing("swing.csv", "rad", 1);
     strcpy(path, path_of("swing.csv"));
-    session_load(&s, &ways[0]);
-    assert_ok(
-        rig_read_trajectory(s.rig, path, TRAJECTORY_LINEAR, &s.arena, &s.input.trajectory, &error));
-    session_run(&s, "follow", setting, 1);
-    assert_int_equal(s.status.status, TASK_FAILED);
-    assert_non_null(strstr(s.status.message, "allowed are 0.001 rad"));
-    session_end(&s);
+    session_load(s, &ways[0]);
+    assert_ok(rig_read_trajectory(s->rig, path, TRAJECTORY_LINEAR, &s->arena, &s->input.trajectory,
+                                  &error));
+    session_run(s, "follow", setting, 1);
+    assert_int_equal(s->status.status, TASK_FAILED);
+    assert_non_null(strstr(s->status.message, "allowed are 0.001 rad"));
 }
 
 /* 48 V carry 12 rad/s. */

@@ -6,9 +6,6 @@
  */
 #include "model/plant.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "tests/physics/free_rig.h"
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"

@@ -5,8 +5,6 @@
  * differences of the velocities from step to step. From the rig's own start, springs and layers
  * relaxed, through the transient and one squat of 10 cm in 2 s.
  */
-#include <math.h>
-#include <stdio.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/rig_squat.h"

@@ -4,8 +4,6 @@
  * on a series elastic drive, over the frequencies of the link and of the rotor on the spring.
  * Prints the map of docs/integrator.md.
  */
-#include <math.h>
-#include <stdio.h>
 
 #include "tests/physics/free_rig.h"
 #include "tests/physics/near.h"

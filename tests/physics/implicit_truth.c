@@ -4,8 +4,6 @@
  * a tolerance of 1e-9 (or a closed form): a locked rotor, one joint under voltage, a drop, tumbling
  * and the energy account of each.
  */
-#include <math.h>
-#include <stdio.h>
 
 #include "tests/figure.h"
 #include "tests/physics/free_rig.h"

@@ -5,8 +5,6 @@
 
 #include "tests/test.h"
 
-#include <math.h>
-
 /* Fails unless |actual - expected| <= tolerance; a NaN fails. */
 #define assert_near(actual, expected, tolerance)                                                   \
     do {                                                                                           \

@@ -3,8 +3,6 @@
 #include "tests/physics/oil_rig.h"
 #include "tests/test.h"
 
-#include <math.h>
-
 struct robot_hydraulic hyq_cylinder(void)
 {
     return (struct robot_hydraulic){.present = true,

@@ -7,11 +7,11 @@
 #include "model/stop.h"
 #include "model/settle.h"
 
-#include <math.h>
-
 #include "tests/physics/near.h"
 #include "tests/physics/toy_plant.h"
 #include "tests/test.h"
+
+static struct error error;
 
 #define INERTIA 0.08 /* kg m2, about the joint */
 #define REST 0.2     /* rad */
@@ -107,7 +107,6 @@ TEST(settled_arm_hangs_on_its_spring)
     const double K = 80.0, start = 0.0, arm = 0.15;
     struct settled settled;
     struct toy_plant sprung;
-    struct error error;
     double before;
 
     sprung_init(&sprung, PLANT_IMPLICIT, 1000000, arm, (struct robot_passive){K, 1.0, REST},
@@ -130,7 +129,6 @@ TEST(cable_helps_the_drive)
     const double K = 5.0, start = 0.4, arm = 0.15;
     struct settled settled;
     struct toy_plant sprung;
-    struct error error;
 
     sprung_init(&sprung, PLANT_IMPLICIT, 1000000, arm, (struct robot_passive){K, 0.1, REST},
                 toy_drive(400.0));

@@ -16,8 +16,6 @@
  */
 #include "model/plant.h"
 
-#include <math.h>
-
 #include "tests/physics/near.h"
 #include "tests/physics/toy_plant.h"
 #include "tests/test.h"

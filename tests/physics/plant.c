@@ -2,9 +2,6 @@
 /* The plant as the loop uses it: creation, commands, repeatability, momentum. */
 #include "model/plant.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
 #include "tests/test.h"
@@ -74,11 +71,12 @@ TEST(refuses_what_cannot_run)
     plant_rig_fini(&other);
 }
 
-TEST(without_an_account_only_the_stored_energy_is_told)
+CLOSED_BENCH(plant_rig, struct plant_rig, plant_rig_fini)
+
+TEST_ON(without_an_account_only_the_stored_energy_is_told, plant_rig, rig)
 {
-    struct plant_rig rig;
-    struct plant_config config = {.robot = &rig.toy.robot,
-                                  .dynamics = &rig.dynamics,
+    struct plant_config config = {.robot = &rig->toy.robot,
+                                  .dynamics = &rig->dynamics,
                                   .integrator = PLANT_RK4,
                                   .substep_ns = 100000,
                                   .supply_v = 48.0};
@@ -88,35 +86,33 @@ TEST(without_an_account_only_the_stored_energy_is_told)
     double *own;
     size_t count;
 
-    plant_rig_walker(&rig, false, 100000);
-    plant_rig_reset(&rig, 1.0);
-    plant_rig_random_voltages(&rig, 20.0);
-    assert_ok(plant_step(rig.plant, 100));
-    assert_ok(plant_energy(rig.plant, &with));
-    assert_ok(plant_create(&config, &rig.arena, &plant, &error));
+    plant_rig_walker(rig, false, 100000);
+    plant_rig_reset(rig, 1.0);
+    plant_rig_random_voltages(rig, 20.0);
+    assert_ok(plant_step(rig->plant, 100));
+    assert_ok(plant_energy(rig->plant, &with));
+    assert_ok(plant_create(&config, &rig->arena, &plant, &error));
     own = plant_state(plant, &count);
-    assert_true(count < rig.count);
-    memcpy(own, rig.state, count * sizeof *own); /* the integrals come last */
+    assert_true(count < rig->count);
+    memcpy(own, rig->state, count * sizeof *own); /* the integrals come last */
     assert_ok(plant_energy(plant, &without));
     assert_near(without.stored, with.stored, 0.0);
     assert_true(with.joule_heat > 0.0);
     assert_near(fabs(without.joule_heat) + fabs(without.electrical_in) + fabs(without.balance), 0.0,
                 0.0);
-    plant_rig_fini(&rig);
 }
 
-TEST(reports_every_lack_of_memory)
+TEST_ON(reports_every_lack_of_memory, plant_rig, rig)
 {
-    struct plant_rig rig;
-    struct plant_config config = {.robot = &rig.toy.robot,
-                                  .dynamics = &rig.dynamics,
+    struct plant_config config = {.robot = &rig->toy.robot,
+                                  .dynamics = &rig->dynamics,
                                   .integrator = PLANT_RK4,
                                   .substep_ns = 100000,
                                   .supply_v = 48.0};
     enum error_code code = ERROR_MEMORY;
     int refused = 0;
 
-    plant_rig_walker(&rig, false, 100000);
+    plant_rig_walker(rig, false, 100000);
     for (size_t room = 0; code != ERROR_NONE; room += 512) {
         struct arena arena;
         struct error error = {0};
@@ -132,82 +128,75 @@ TEST(reports_every_lack_of_memory)
         arena_fini(&arena);
     }
     assert_true(refused > 20);
-    plant_rig_fini(&rig);
 }
 
-TEST(voltage_is_clipped_to_the_supply)
+TEST_ON(voltage_is_clipped_to_the_supply, plant_rig, rig)
 {
-    struct plant_rig rig;
     struct plant_command *command;
     const struct motor_sense *motor;
 
-    plant_rig_walker(&rig, false, 100000);
-    plant_rig_reset(&rig, 1.0);
-    command = plant_command(rig.plant);
-    motor = plant_sensors(rig.plant)->motor;
-    plant_rig_random_voltages(&rig, 0.0);
+    plant_rig_walker(rig, false, 100000);
+    plant_rig_reset(rig, 1.0);
+    command = plant_command(rig->plant);
+    motor = plant_sensors(rig->plant)->motor;
+    plant_rig_random_voltages(rig, 0.0);
     command->motor[0].voltage_v = 1e9;
     command->motor[1].voltage_v = -1e9;
     command->motor[2].voltage_v = (double)NAN;
     command->motor[3].voltage_v = (double)INFINITY;
     command->motor[4].voltage_v = 12.5;
-    assert_ok(plant_step(rig.plant, 10));
-    assert_ok(plant_sample(rig.plant));
+    assert_ok(plant_step(rig->plant, 10));
+    assert_ok(plant_sample(rig->plant));
     assert_near(motor[0].voltage_v, 48.0, 0.0);
     assert_near(motor[1].voltage_v, -48.0, 0.0);
     assert_near(motor[2].voltage_v, 0.0, 0.0);
     assert_near(motor[3].voltage_v, 48.0, 0.0);
     assert_near(motor[4].voltage_v, 12.5, 0.0);
-    assert_near(plant_sensors(rig.plant)->supply_v, 48.0, 0.0);
+    assert_near(plant_sensors(rig->plant)->supply_v, 48.0, 0.0);
     assert_true(motor[0].current_a > 10.0 && motor[1].current_a < -10.0);
-    plant_rig_fini(&rig);
 }
 
-TEST(joint_without_a_drive_reads_as_its_link)
+TEST_ON(joint_without_a_drive_reads_as_its_link, plant_rig, rig)
 {
-    struct plant_rig rig;
     const struct motor_sense *hand;
 
-    plant_rig_walker(&rig, false, 100000);
-    plant_rig_reset(&rig, 1.0);
-    plant_rig_random_voltages(&rig, 20.0);
-    assert_ok(plant_step(rig.plant, 100));
-    assert_ok(plant_sample(rig.plant));
-    hand = &plant_sensors(rig.plant)->motor[TOY_HAND - 1];
+    plant_rig_walker(rig, false, 100000);
+    plant_rig_reset(rig, 1.0);
+    plant_rig_random_voltages(rig, 20.0);
+    assert_ok(plant_step(rig->plant, 100));
+    assert_ok(plant_sample(rig->plant));
+    hand = &plant_sensors(rig->plant)->motor[TOY_HAND - 1];
     assert_true(hand->qd != 0.0);
     assert_near(hand->qm, hand->q, 0.0);
     assert_near(hand->qmd, hand->qd, 0.0);
     assert_near(hand->torque_nm, 0.0, 0.0);
     assert_near(hand->current_a, 0.0, 0.0);
     assert_near(hand->voltage_v, 0.0, 0.0);
-    plant_rig_fini(&rig);
 }
 
-TEST(reset_is_at_rest_with_springs_relaxed)
+TEST_ON(reset_is_at_rest_with_springs_relaxed, plant_rig, rig)
 {
-    struct plant_rig rig;
     uint64_t hash;
 
-    plant_rig_walker(&rig, true, 100000);
-    plant_rig_reset(&rig, 0.6);
-    hash = plant_hash(rig.plant);
+    plant_rig_walker(rig, true, 100000);
+    plant_rig_reset(rig, 0.6);
+    hash = plant_hash(rig->plant);
     for (size_t j = 0; j < 8; j++) {
-        const struct motor_sense *motor = &plant_sensors(rig.plant)->motor[j];
+        const struct motor_sense *motor = &plant_sensors(rig->plant)->motor[j];
 
         assert_near(motor->qm, motor->q, 0.0);
         assert_near(motor->torque_nm, 0.0, 0.0);
         assert_near(fabs(motor->qd) + fabs(motor->qmd) + fabs(motor->current_a), 0.0, 0.0);
     }
-    plant_rig_random_voltages(&rig, 30.0);
-    plant_set_push(rig.plant, 0, (const double[3]){9.0, 9.0, 9.0},
+    plant_rig_random_voltages(rig, 30.0);
+    plant_set_push(rig->plant, 0, (const double[3]){9.0, 9.0, 9.0},
                    (const double[3]){0.0, 0.0, 0.0});
-    assert_ok(plant_step(rig.plant, 100));
-    assert_true(plant_hash(rig.plant) != hash);
-    assert_int_equal(plant_time_ns(rig.plant), 10000000);
-    plant_rig_reset(&rig, 0.6);
-    assert_true(plant_hash(rig.plant) == hash);
-    assert_int_equal(plant_time_ns(rig.plant), 0);
-    plant_rig_fini(&rig);
+    assert_ok(plant_step(rig->plant, 100));
+    assert_true(plant_hash(rig->plant) != hash);
+    assert_int_equal(plant_time_ns(rig->plant), 10000000);
+    plant_rig_reset(rig, 0.6);
+    assert_true(plant_hash(rig->plant) == hash);
+    assert_int_equal(plant_time_ns(rig->plant), 0);
 }
 
 /* Hash after 50 ticks of 10 substeps, in calls of `chunk`; one voltage may differ a little. */
@@ -243,141 +232,129 @@ TEST(equal_runs_have_equal_hashes)
 }
 
 /* Nothing moves, and yet it is later. */
-TEST(hash_tells_equal_states_at_different_times)
+TEST_ON(hash_tells_equal_states_at_different_times, plant_rig, rig)
 {
     const double none[3] = {0.0, 0.0, 0.0};
-    struct plant_rig rig;
     uint64_t hash;
     double before[128];
 
-    plant_rig_walker(&rig, false, 100000);
-    memset(rig.toy.robot.gravity, 0, sizeof rig.toy.robot.gravity);
+    plant_rig_walker(rig, false, 100000);
+    memset(rig->toy.robot.gravity, 0, sizeof rig->toy.robot.gravity);
     for (size_t j = 0; j < 8; j++) {
-        plant_command(rig.plant)->motor[j].pretension_m = 1.0; /* ropes slack */
+        plant_command(rig->plant)->motor[j].pretension_m = 1.0; /* ropes slack */
     }
-    plant_rig_reset(&rig, 1.0);
-    memcpy(rig.state + 3, (const double[4]){1.0, 0.0, 0.0, 0.0}, 4 * sizeof *rig.state);
-    plant_set_push(rig.plant, 0, none, none);
-    hash = plant_hash(rig.plant);
-    memcpy(before, rig.state, rig.count * sizeof *before);
-    assert_ok(plant_step(rig.plant, 1));
-    assert_memory_equal(rig.state, before, rig.count * sizeof *before);
-    assert_true(plant_hash(rig.plant) != hash);
-    plant_rig_fini(&rig);
+    plant_rig_reset(rig, 1.0);
+    memcpy(rig->state + 3, (const double[4]){1.0, 0.0, 0.0, 0.0}, 4 * sizeof *rig->state);
+    plant_set_push(rig->plant, 0, none, none);
+    hash = plant_hash(rig->plant);
+    memcpy(before, rig->state, rig->count * sizeof *before);
+    assert_ok(plant_step(rig->plant, 1));
+    assert_memory_equal(rig->state, before, rig->count * sizeof *before);
+    assert_true(plant_hash(rig->plant) != hash);
 }
 
 /* Momentum after a fall of 10 ms; before that, with a push that a reset is to end. */
-TEST(reset_ends_every_push)
+TEST_ON(reset_ends_every_push, plant_rig, rig)
 {
     const double force[3] = {100.0, 50.0, 25.0}, none[3] = {0.0, 0.0, 0.0};
-    struct plant_rig rig;
     double position[3], momentum[3];
 
-    plant_rig_walker(&rig, false, 100000);
-    plant_rig_reset(&rig, 1.0);
-    plant_set_push(rig.plant, TOY_ARM, force, force);
-    plant_rig_reset(&rig, 1.0);
-    plant_set_push(rig.plant, TOY_HAND, none, none);
-    assert_ok(plant_step(rig.plant, 100));
-    plant_center_of_mass(rig.plant, position, momentum);
+    plant_rig_walker(rig, false, 100000);
+    plant_rig_reset(rig, 1.0);
+    plant_set_push(rig->plant, TOY_ARM, force, force);
+    plant_rig_reset(rig, 1.0);
+    plant_set_push(rig->plant, TOY_HAND, none, none);
+    assert_ok(plant_step(rig->plant, 100));
+    plant_center_of_mass(rig->plant, position, momentum);
     assert_near(momentum[0], 0.0, 1e-9);
     assert_near(momentum[1], 0.0, 1e-9);
-    assert_near(momentum[2], -9.81 * 0.01 * rig.toy.robot.total_mass, 1e-9);
-    plant_rig_fini(&rig);
+    assert_near(momentum[2], -9.81 * 0.01 * rig->toy.robot.total_mass, 1e-9);
 }
 
 /* Of a clamped robot a drive works against its locked link, so the motor ends where the spring's
  * torque is the stall torque: Ks (qm - q) = Kt V / R. */
-TEST(clamped_links_stay_while_drives_live)
+TEST_ON(clamped_links_stay_while_drives_live, plant_rig, rig)
 {
     const double V = 0.5;
-    struct plant_rig rig;
     const struct plant_sensors *sensors;
     const struct robot_sea *sea;
     double q;
 
-    plant_rig_walker(&rig, true, 100000);
-    plant_rig_reset(&rig, 0.55);
-    plant_clamp(rig.plant, true);
-    assert_true(plant_is_clamped(rig.plant));
-    sensors = plant_sensors(rig.plant);
-    sea = &rig.toy.robot.joint[0].sea;
+    plant_rig_walker(rig, true, 100000);
+    plant_rig_reset(rig, 0.55);
+    plant_clamp(rig->plant, true);
+    assert_true(plant_is_clamped(rig->plant));
+    sensors = plant_sensors(rig->plant);
+    sea = &rig->toy.robot.joint[0].sea;
     q = sensors->motor[0].q;
-    plant_command(rig.plant)->motor[0] = (struct motor_command){.bridge_on = true, .voltage_v = V};
-    assert_ok(plant_step(rig.plant, 40000));
-    assert_ok(plant_sample(rig.plant));
+    plant_command(rig->plant)->motor[0] = (struct motor_command){.bridge_on = true, .voltage_v = V};
+    assert_ok(plant_step(rig->plant, 40000));
+    assert_ok(plant_sample(rig->plant));
     assert_true(sensors->motor[0].q == q && sensors->motor[0].qd == 0.0);
     assert_near(sensors->motor[0].current_a, V / sea->R, 1e-6);
     assert_near(sensors->motor[0].torque_nm, sea->Kt * V / sea->R, 1e-6);
     assert_near(sensors->motor[0].qm - q, sea->Kt * V / sea->R / sea->Ks, 1e-8);
     for (size_t c = 0; c < 2; c++) {
-        assert_true(plant_contact_wrenches(rig.plant)[c].force[2] == 0.0);
+        assert_true(plant_contact_wrenches(rig->plant)[c].force[2] == 0.0);
     }
-    plant_clamp(rig.plant, false);
-    assert_ok(plant_step(rig.plant, 100));
-    assert_ok(plant_sample(rig.plant));
+    plant_clamp(rig->plant, false);
+    assert_ok(plant_step(rig->plant, 100));
+    assert_ok(plant_sample(rig->plant));
     assert_true(sensors->motor[0].q != q);
-    plant_rig_fini(&rig);
 }
 
-TEST(sampling_and_asking_for_energy_change_nothing)
+TEST_ON(sampling_and_asking_for_energy_change_nothing, plant_rig, rig)
 {
-    struct plant_rig rig;
     struct plant_energy energy;
     double position[3], momentum[3];
     uint64_t hash;
 
-    plant_rig_walker(&rig, true, 100000);
-    plant_rig_reset(&rig, 0.52);
-    plant_rig_random_voltages(&rig, 20.0);
-    assert_ok(plant_step(rig.plant, 100));
-    hash = plant_hash(rig.plant);
-    assert_ok(plant_sample(rig.plant));
-    assert_ok(plant_energy(rig.plant, &energy));
-    plant_center_of_mass(rig.plant, position, momentum);
-    assert_true(plant_hash(rig.plant) == hash);
-    plant_rig_fini(&rig);
+    plant_rig_walker(rig, true, 100000);
+    plant_rig_reset(rig, 0.52);
+    plant_rig_random_voltages(rig, 20.0);
+    assert_ok(plant_step(rig->plant, 100));
+    hash = plant_hash(rig->plant);
+    assert_ok(plant_sample(rig->plant));
+    assert_ok(plant_energy(rig->plant, &energy));
+    plant_center_of_mass(rig->plant, position, momentum);
+    assert_true(plant_hash(rig->plant) == hash);
 }
 
-TEST(pretension_moves_evenly_to_the_command)
+TEST_ON(pretension_moves_evenly_to_the_command, plant_rig, rig)
 {
-    struct plant_rig rig;
     const size_t knee = 8 + 7 + 14 + 21; /* after q (7 + 8), v (6 + 8) and seven drives */
 
-    plant_rig_walker(&rig, false, 100000);
-    plant_rig_reset(&rig, 1.0);
-    plant_command(rig.plant)->motor[1].pretension_m = 0.01;
+    plant_rig_walker(rig, false, 100000);
+    plant_rig_reset(rig, 1.0);
+    plant_command(rig->plant)->motor[1].pretension_m = 0.01;
     for (int part = 1; part <= 10; part++) {
-        struct plant_command *command = plant_command(rig.plant);
+        struct plant_command *command = plant_command(rig->plant);
 
         command->motor[1].pretension_m = 0.001 * part;
-        assert_ok(plant_step(rig.plant, 1));
-        assert_near(rig.state[knee], 0.001 * part, 0.0);
+        assert_ok(plant_step(rig->plant, 1));
+        assert_near(rig->state[knee], 0.001 * part, 0.0);
     }
-    plant_command(rig.plant)->motor[1].pretension_m = -0.03;
-    assert_ok(plant_step(rig.plant, 10));
-    assert_near(rig.state[knee], -0.03, 0.0);
-    plant_rig_fini(&rig);
+    plant_command(rig->plant)->motor[1].pretension_m = -0.03;
+    assert_ok(plant_step(rig->plant, 10));
+    assert_near(rig->state[knee], -0.03, 0.0);
 }
 
 /* The windings' L/R is 0.48 ms: no explicit scheme takes that in steps of 10 ms. */
-TEST(too_long_a_substep_is_an_error_and_not_a_nan)
+TEST_ON(too_long_a_substep_is_an_error_and_not_a_nan, plant_rig, rig)
 {
-    struct plant_rig rig;
     enum error_code code = ERROR_NONE;
 
-    plant_rig_walker(&rig, false, 10000000);
-    plant_rig_reset(&rig, 1.0);
-    plant_rig_random_voltages(&rig, 40.0);
+    plant_rig_walker(rig, false, 10000000);
+    plant_rig_reset(rig, 1.0);
+    plant_rig_random_voltages(rig, 40.0);
     for (int k = 0; k < 10000 && code == ERROR_NONE; k++) {
-        code = plant_step(rig.plant, 1);
+        code = plant_step(rig->plant, 1);
     }
     assert_int_equal(code, ERROR_INPUT);
-    assert_non_null(strstr(plant_failure(rig.plant), "substep is too long"));
-    for (size_t i = 0; i < rig.count; i++) {
-        assert_true(isfinite(rig.state[i]));
+    assert_non_null(strstr(plant_failure(rig->plant), "substep is too long"));
+    for (size_t i = 0; i < rig->count; i++) {
+        assert_true(isfinite(rig->state[i]));
     }
-    plant_rig_fini(&rig);
 }
 
 /* Total momentum about the world's origin: by whole-body kinematics, apart from the plant. */
@@ -426,23 +403,22 @@ static void total_momentum(struct plant_rig *rig, double linear[3], double angul
 }
 
 /* No gravity, a thrown and tumbling robot, random voltages: drives and ropes are inner forces. */
-TEST(drives_change_no_total_momentum)
+TEST_ON(drives_change_no_total_momentum, plant_rig, rig)
 {
-    struct plant_rig rig;
     double linear[3], angular[3], linear0[3], angular0[3], norm;
 
-    plant_rig_walker(&rig, false, 100000);
-    memset(rig.toy.robot.gravity, 0, sizeof rig.toy.robot.gravity);
-    plant_rig_reset(&rig, 1.0);
+    plant_rig_walker(rig, false, 100000);
+    memset(rig->toy.robot.gravity, 0, sizeof rig->toy.robot.gravity);
+    plant_rig_reset(rig, 1.0);
     for (size_t i = 0; i < 6; i++) {
-        rig.state[rig.toy.robot.nq + i] = 0.3 + 0.2 * (double)i;
+        rig->state[rig->toy.robot.nq + i] = 0.3 + 0.2 * (double)i;
     }
-    total_momentum(&rig, linear0, angular0);
+    total_momentum(rig, linear0, angular0);
     for (int k = 0; k < 500; k++) {
-        plant_rig_random_voltages(&rig, 20.0);
-        assert_ok(plant_step(rig.plant, 10));
+        plant_rig_random_voltages(rig, 20.0);
+        assert_ok(plant_step(rig->plant, 10));
     }
-    total_momentum(&rig, linear, angular);
+    total_momentum(rig, linear, angular);
     norm = sqrt(angular0[0] * angular0[0] + angular0[1] * angular0[1] + angular0[2] * angular0[2]);
     print_message("# linear %.2e kg m/s of %.1f, angular %.2e kg m2/s of %.2f\n",
                   fabs(linear[0] - linear0[0]) + fabs(linear[1] - linear0[1]) +
@@ -455,32 +431,29 @@ TEST(drives_change_no_total_momentum)
         assert_near(linear[i], linear0[i], 1e-8 * fabs(linear0[i]));
         assert_near(angular[i], angular0[i], 1e-8 * norm);
     }
-    plant_rig_fini(&rig);
 }
 
 /* The center of mass against the sum over bodies, its momentum against the same. */
-TEST(centre_of_mass_moves_with_the_total_momentum)
+TEST_ON(centre_of_mass_moves_with_the_total_momentum, plant_rig, rig)
 {
-    struct plant_rig rig;
     double before[3], after[3], momentum[3], linear[3], angular[3];
 
-    plant_rig_walker(&rig, false, 1000);
-    plant_rig_reset(&rig, 1.0);
-    for (size_t i = 0; i < rig.toy.robot.nv; i++) {
-        rig.state[rig.toy.robot.nq + i] = 0.3 + 0.1 * (double)i;
+    plant_rig_walker(rig, false, 1000);
+    plant_rig_reset(rig, 1.0);
+    for (size_t i = 0; i < rig->toy.robot.nv; i++) {
+        rig->state[rig->toy.robot.nq + i] = 0.3 + 0.1 * (double)i;
     }
-    plant_center_of_mass(rig.plant, before, momentum);
-    total_momentum(&rig, linear, angular);
-    assert_ok(plant_step(rig.plant, 10));
-    plant_center_of_mass(rig.plant, after, momentum);
+    plant_center_of_mass(rig->plant, before, momentum);
+    total_momentum(rig, linear, angular);
+    assert_ok(plant_step(rig->plant, 10));
+    plant_center_of_mass(rig->plant, after, momentum);
     for (int i = 0; i < 3; i++) {
-        double gravity = rig.toy.robot.gravity[i], t = 1e-5;
-        double expected = linear[i] * t / rig.toy.robot.total_mass + 0.5 * gravity * t * t;
+        double gravity = rig->toy.robot.gravity[i], t = 1e-5;
+        double expected = linear[i] * t / rig->toy.robot.total_mass + 0.5 * gravity * t * t;
 
         assert_near(after[i] - before[i], expected, 1e-14);
-        assert_near(momentum[i], linear[i] + rig.toy.robot.total_mass * gravity * t, 1e-10);
+        assert_near(momentum[i], linear[i] + rig->toy.robot.total_mass * gravity * t, 1e-10);
     }
-    plant_rig_fini(&rig);
 }
 
 /* A push of F accelerates the center of mass by F / m, wherever it is applied. */
@@ -508,21 +481,19 @@ TEST(push_accelerates_the_centre_of_mass)
 }
 
 /* The quaternion stays of unit length over 5 s of tumbling. */
-TEST(quaternion_keeps_its_length)
+TEST_ON(quaternion_keeps_its_length, plant_rig, rig)
 {
-    struct plant_rig rig;
     double norm;
 
-    plant_rig_walker(&rig, false, 1000000);
-    plant_rig_reset(&rig, 1.0);
+    plant_rig_walker(rig, false, 1000000);
+    plant_rig_reset(rig, 1.0);
     for (size_t i = 3; i < 6; i++) {
-        rig.state[rig.toy.robot.nq + i] = 2.0 * (double)i;
+        rig->state[rig->toy.robot.nq + i] = 2.0 * (double)i;
     }
     for (int k = 0; k < 2000; k++) {
-        assert_ok(plant_step(rig.plant, 1));
-        norm = sqrt(rig.state[3] * rig.state[3] + rig.state[4] * rig.state[4] +
-                    rig.state[5] * rig.state[5] + rig.state[6] * rig.state[6]);
+        assert_ok(plant_step(rig->plant, 1));
+        norm = sqrt(rig->state[3] * rig->state[3] + rig->state[4] * rig->state[4] +
+                    rig->state[5] * rig->state[5] + rig->state[6] * rig->state[6]);
         assert_near(norm, 1.0, 1e-15);
     }
-    plant_rig_fini(&rig);
 }

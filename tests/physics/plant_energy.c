@@ -2,9 +2,6 @@
 /* The plant's energy balance closes to integration accuracy, whatever acts; and its order is 4. */
 #include "model/plant.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
 #include "tests/test.h"
@@ -51,33 +48,31 @@ static void run_ticks(struct plant_rig *rig, int ticks, size_t steps)
     }
 }
 
-TEST(falling_and_swinging_robot_balances)
+CLOSED_BENCH(plant_rig, struct plant_rig, plant_rig_fini)
+
+TEST_ON(falling_and_swinging_robot_balances, plant_rig, rig)
 {
-    struct plant_rig rig;
     struct plant_energy energy;
 
-    plant_rig_walker(&rig, false, 100000);
-    plant_rig_reset(&rig, 1.0);
-    run_ticks(&rig, 1000, 10);
-    energy = energy_now(&rig);
+    plant_rig_walker(rig, false, 100000);
+    plant_rig_reset(rig, 1.0);
+    run_ticks(rig, 1000, 10);
+    energy = energy_now(rig);
     assert_balanced(&energy, 1e-6);
     assert_true(energy.electrical_in > 1.0 && energy.joule_heat > 1.0);
     assert_true(energy.motor_friction > 0.0 && energy.spring_damping > 0.0);
-    plant_rig_fini(&rig);
 }
 
-TEST(robot_dropped_on_the_ground_balances)
+TEST_ON(robot_dropped_on_the_ground_balances, plant_rig, rig)
 {
-    struct plant_rig rig;
     struct plant_energy energy;
 
-    plant_rig_walker(&rig, true, 100000);
-    plant_rig_reset(&rig, 0.55);
-    run_ticks(&rig, 400, 10);
-    energy = energy_now(&rig);
+    plant_rig_walker(rig, true, 100000);
+    plant_rig_reset(rig, 0.55);
+    run_ticks(rig, 400, 10);
+    energy = energy_now(rig);
     assert_balanced(&energy, 1e-6);
     assert_true(energy.contact_dissipation > 0.1);
-    plant_rig_fini(&rig);
 }
 
 /* White noise on the windings (a time constant of 0.48 ms) is the hardest thing to account at a
@@ -154,55 +149,51 @@ TEST(pretension_push_and_opening_bridges_balance)
     assert_near(coarse.pretension_work, rk4.pretension_work, 1e-4);
 }
 
-TEST(opening_bridge_turns_its_magnetic_energy_to_heat)
+TEST_ON(opening_bridge_turns_its_magnetic_energy_to_heat, plant_rig, rig)
 {
-    struct plant_rig rig;
     struct plant_command *command;
     struct plant_energy before, after;
     double magnetic = 0.0;
 
-    plant_rig_walker(&rig, false, 1);
-    command = plant_command(rig.plant);
-    plant_rig_reset(&rig, 1.0);
+    plant_rig_walker(rig, false, 1);
+    command = plant_command(rig->plant);
+    plant_rig_reset(rig, 1.0);
     for (size_t j = 0; j < 7; j++) {
-        rig.state[rig.toy.robot.nq + rig.toy.robot.nv + 3 * j + 2] = 5.0 + (double)j;
+        rig->state[rig->toy.robot.nq + rig->toy.robot.nv + 3 * j + 2] = 5.0 + (double)j;
         magnetic += 0.5 * 0.32e-3 * (5.0 + (double)j) * (5.0 + (double)j);
         command->motor[j].bridge_on = false;
         command->motor[j].voltage_v = 48.0;
     }
-    assert_ok(plant_restart_energy(rig.plant));
-    assert_ok(plant_energy(rig.plant, &before));
-    assert_ok(plant_step(rig.plant, 1)); /* one nanosecond */
-    assert_ok(plant_energy(rig.plant, &after));
+    assert_ok(plant_restart_energy(rig->plant));
+    assert_ok(plant_energy(rig->plant, &before));
+    assert_ok(plant_step(rig->plant, 1)); /* one nanosecond */
+    assert_ok(plant_energy(rig->plant, &after));
     assert_near(after.joule_heat, magnetic, 1e-12);
     assert_near(after.electrical_in, 0.0, 0.0);
     assert_near(before.stored - after.stored, magnetic, 1e-9);
-    assert_ok(plant_sample(rig.plant));
+    assert_ok(plant_sample(rig->plant));
     for (size_t j = 0; j < 7; j++) {
-        assert_near(plant_sensors(rig.plant)->motor[j].current_a, 0.0, 0.0);
-        assert_near(plant_sensors(rig.plant)->motor[j].voltage_v, 0.0, 0.0);
+        assert_near(plant_sensors(rig->plant)->motor[j].current_a, 0.0, 0.0);
+        assert_near(plant_sensors(rig->plant)->motor[j].voltage_v, 0.0, 0.0);
     }
-    plant_rig_fini(&rig);
 }
 
 /* With the point springs' potential reported, what contact is said to dissipate only grows. */
-TEST(contact_dissipation_only_grows)
+TEST_ON(contact_dissipation_only_grows, plant_rig, rig)
 {
-    struct plant_rig rig;
     double last = 0.0;
 
-    plant_rig_walker(&rig, true, 100000);
-    plant_rig_reset(&rig, 0.55);
+    plant_rig_walker(rig, true, 100000);
+    plant_rig_reset(rig, 0.55);
     for (int k = 0; k < 300; k++) {
         struct plant_energy energy;
 
-        assert_ok(plant_step(rig.plant, 10));
-        assert_ok(plant_energy(rig.plant, &energy));
+        assert_ok(plant_step(rig->plant, 10));
+        assert_ok(plant_energy(rig->plant, &energy));
         assert_true(energy.contact_dissipation >= last - 1e-6);
         last = energy.contact_dissipation;
     }
     assert_true(last > 0.1);
-    plant_rig_fini(&rig);
 }
 
 /* State after 0.1 s of constant voltages, ropes off: everything smooth. */

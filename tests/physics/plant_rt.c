@@ -2,12 +2,12 @@
 /* The plant allocates nothing once it is made. */
 #include "model/plant.h"
 
-#include <math.h>
-
 #include "tests/physics/counting_malloc.h"
 #include "tests/physics/free_rig.h"
 #include "tests/physics/plant_rig.h"
 #include "tests/test.h"
+
+static struct error error;
 
 static void step_and_sample(enum plant_integrator integrator, bool coupled)
 {
@@ -16,7 +16,6 @@ static void step_and_sample(enum plant_integrator integrator, bool coupled)
     struct robot_coupling coupling[2];
     struct plant_rig rig;
     struct plant_energy energy;
-    struct error error;
     enum error_code code = ERROR_NONE;
     size_t before;
 
@@ -56,7 +55,6 @@ TEST(free_bodies_allocate_nothing)
     const double force[3] = {5.0, 0.0, 0.0}, moment[3] = {0.0, 0.0, 1.0};
     struct free_rig rig;
     struct plant_energy energy;
-    struct error error;
     enum error_code code = ERROR_NONE;
     double pose[7];
     size_t before;

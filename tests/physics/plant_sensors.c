@@ -2,13 +2,12 @@
 /* What the plant's sensors read, against closed answers and against another route to the force. */
 #include "model/plant.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "model/spatial.h"
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
 #include "tests/test.h"
+
+static struct error error;
 
 static void assert_vector(const double actual[3], double x, double y, double z, double tolerance)
 {
@@ -40,7 +39,6 @@ static void block_init(struct block *block, bool floating)
                                   .integrator = PLANT_RK4,
                                   .substep_ns = 100000,
                                   .supply_v = 48.0};
-    struct error error;
     size_t count;
 
     toy_begin(&block->toy, floating, 10.0, com, I);
@@ -220,7 +218,6 @@ static double force_across_the_cut(const struct plant_rig *rig, const double *vd
     struct spatial_inertia whole, part, point;
     struct dynamics dynamics;
     struct arena arena;
-    struct error error;
     size_t j;
 
     cut.robot.body = cut.body;

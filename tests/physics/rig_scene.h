@@ -9,8 +9,6 @@
 #include "rig/rig.h"
 #include "tests/test.h"
 
-#include <string.h>
-
 enum { RIG_SCENE_JOINTS = 40 };
 
 struct rig_scene {

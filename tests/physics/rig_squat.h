@@ -9,8 +9,6 @@
 #include "tests/physics/rig_scene.h"
 #include "tests/test.h"
 
-#include <math.h>
-
 static const double squat_depth_m = 0.1, squat_period_s = 2.0;
 static const double thigh_m = 0.2258, shank_m = 0.201;
 

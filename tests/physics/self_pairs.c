@@ -5,9 +5,6 @@
  * none has more slack than the poses of the robot's file ask for. Distances are searched for, not
  * computed as the rig does.
  */
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 
 #include "tests/physics/rig_scene.h"
 #include "tests/unit/contact/random_number.h"

@@ -6,11 +6,6 @@
 #include "model/drives/actuator.h"
 #include "model/settle.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
 #include "model/spatial.h"
 #include "tests/physics/near.h"
 #include "tests/physics/toy.h"
@@ -142,178 +137,161 @@ static void assert_stays(struct yard *yard, double tolerance)
 
 /* ---- statics ---- */
 
-TEST(block_sinks_into_the_ground_by_its_weight_over_the_stiffness)
+CLOSED_BENCH(yard, struct yard, yard_fini)
+
+TEST_ON(block_sinks_into_the_ground_by_its_weight_over_the_stiffness, yard, yard)
 {
     const double depth = mass * gravity / (stiffness * 4.0 * half * half);
-    struct yard yard;
     double pose[7];
 
-    yard_begin(&yard, 1);
-    yard_settle_well(&yard);
-    plant_free_pose(yard.plant, 0, pose);
+    yard_begin(yard, 1);
+    yard_settle_well(yard);
+    plant_free_pose(yard->plant, 0, pose);
     print_message("# %.6f mm deep of %.6f mm after %zu iterations, %.1g of the weight left over\n",
-                  1e3 * (half - pose[2]), 1e3 * depth, yard.settled.iterations,
-                  yard.settled.residual);
+                  1e3 * (half - pose[2]), 1e3 * depth, yard->settled.iterations,
+                  yard->settled.residual);
     assert_near(half - pose[2], depth, 1e-9 * depth);
-    assert_near(plant_contact_wrenches(yard.plant)[0].force[2], mass * gravity, 1e-9);
-    assert_int_equal(plant_time_ns(yard.plant), 0);
-    assert_stays(&yard, 1e-9);
-    yard_fini(&yard);
+    assert_near(plant_contact_wrenches(yard->plant)[0].force[2], mass * gravity, 1e-9);
+    assert_int_equal(plant_time_ns(yard->plant), 0);
+    assert_stays(yard, 1e-9);
 }
 
 /* The bed's pressure is linear: its moment about the middle, k theta a^4/12, is the weight's, at
  * the lever c cos theta + h sin theta with the center of mass h above the sole. */
-TEST(block_with_its_mass_off_the_middle_tilts_as_the_bed_gives_way)
+TEST_ON(block_with_its_mass_off_the_middle_tilts_as_the_bed_gives_way, yard, yard)
 {
     const double a = 2.0 * half, c = 0.1 * a, weight = mass * gravity;
-    struct yard yard;
     double pose[7], R[9], tilt;
 
-    yard_begin(&yard, 1);
-    yard.block[0].inertia.com[0] = c;
-    yard_settle_well(&yard);
-    plant_free_pose(yard.plant, 0, pose);
+    yard_begin(yard, 1);
+    yard->block[0].inertia.com[0] = c;
+    yard_settle_well(yard);
+    plant_free_pose(yard->plant, 0, pose);
     mat3_from_quaternion(pose + 3, R);
     tilt = atan2(R[2], R[8]);
     print_message("# tilted by %.6f mrad\n", 1e3 * tilt);
     assert_near(stiffness * tilt * a * a * a * a / 12.0, weight * (c + half * tilt),
                 2e-3 * weight * c);
     assert_near(pose[4], 0.0, 1e-12);
-    yard_fini(&yard);
 }
 
 /* As soon as it has lifted an edge the pressure is a triangle below the center of mass: it is
  * 3 (a/2 - c) wide and its peak k depth makes up the weight with that width. */
-TEST(block_near_tipping_stands_on_a_part_of_its_sole)
+TEST_ON(block_near_tipping_stands_on_a_part_of_its_sole, yard, yard)
 {
     const double a = 2.0 * half, c = 0.3 * a, weight = mass * gravity;
     const double width = 3.0 * (0.5 * a - c), depth = 2.0 * weight / (stiffness * a * width);
-    struct yard yard;
     double pose[7], R[9];
 
-    yard_begin(&yard, 1);
-    yard.block[0].inertia.com[0] = c;
-    yard.block[0].inertia.com[2] = -half; /* in the sole: no lever of the tilt */
-    yard_settle_well(&yard);
-    plant_free_pose(yard.plant, 0, pose);
+    yard_begin(yard, 1);
+    yard->block[0].inertia.com[0] = c;
+    yard->block[0].inertia.com[2] = -half; /* in the sole: no lever of the tilt */
+    yard_settle_well(yard);
+    plant_free_pose(yard->plant, 0, pose);
     mat3_from_quaternion(pose + 3, R);
     assert_near(tan(atan2(R[2], R[8])), depth / width, 5e-3 * depth / width);
-    yard_fini(&yard);
 }
 
-TEST(block_dropped_from_a_hand_above_and_askew_lands_flat)
+TEST_ON(block_dropped_from_a_hand_above_and_askew_lands_flat, yard, yard)
 {
     const double depth = mass * gravity / (stiffness * 4.0 * half * half);
-    struct yard yard;
     double pose[7];
 
-    yard_begin(&yard, 1);
-    yard.block[0].position[0] = 0.3;
-    yard.block[0].position[2] = half + 0.08;
-    yard.block[0].quaternion[1] = 0.05;
-    yard.block[0].quaternion[2] = -0.08;
-    yard_settle_well(&yard);
-    plant_free_pose(yard.plant, 0, pose);
-    print_message("# %zu iterations\n", yard.settled.iterations);
+    yard_begin(yard, 1);
+    yard->block[0].position[0] = 0.3;
+    yard->block[0].position[2] = half + 0.08;
+    yard->block[0].quaternion[1] = 0.05;
+    yard->block[0].quaternion[2] = -0.08;
+    yard_settle_well(yard);
+    plant_free_pose(yard->plant, 0, pose);
+    print_message("# %zu iterations\n", yard->settled.iterations);
     assert_near(half - pose[2], depth, 1e-6 * depth);
     assert_near(hypot(pose[4], pose[5]), 0.0, 1e-8);
     assert_near(pose[0], 0.3, 1e-12);
-    yard_fini(&yard);
 }
 
-TEST(block_that_starts_deep_in_the_ground_rises)
+TEST_ON(block_that_starts_deep_in_the_ground_rises, yard, yard)
 {
     const double depth = mass * gravity / (stiffness * 4.0 * half * half);
-    struct yard yard;
     double pose[7];
 
-    yard_begin(&yard, 1);
-    yard.block[0].position[2] = half - 0.03;
-    yard_settle_well(&yard);
-    plant_free_pose(yard.plant, 0, pose);
+    yard_begin(yard, 1);
+    yard->block[0].position[2] = half - 0.03;
+    yard_settle_well(yard);
+    plant_free_pose(yard->plant, 0, pose);
     assert_near(half - pose[2], depth, 1e-6 * depth);
-    yard_fini(&yard);
 }
 
-TEST(each_block_of_a_pile_carries_those_above)
+TEST_ON(each_block_of_a_pile_carries_those_above, yard, yard)
 {
-    struct yard yard;
-
-    yard_begin(&yard, BLOCKS);
-    yard_settle_well(&yard);
+    yard_begin(yard, BLOCKS);
+    yard_settle_well(yard);
     for (size_t b = 0; b < BLOCKS; b++) {
         double below = b ? 0.0 : half, pose[7], load, depth;
 
         if (b > 0) {
-            plant_free_pose(yard.plant, b - 1, pose);
+            plant_free_pose(yard->plant, b - 1, pose);
             below = pose[2] + 2.0 * half;
         }
-        plant_free_pose(yard.plant, b, pose);
+        plant_free_pose(yard->plant, b, pose);
         load = (double)(BLOCKS - b) * mass * gravity;
         depth = b ? (half - cbrt(half * half * half - 0.75 * load / stiffness))
                   : load / (stiffness * 4.0 * half * half);
         assert_near(below - pose[2], depth, 1e-6 * depth);
-        assert_near(plant_contact_wrenches(yard.plant)[b].force[2], mass * gravity, 1e-6);
+        assert_near(plant_contact_wrenches(yard->plant)[b].force[2], mass * gravity, 1e-6);
     }
-    assert_stays(&yard, 1e-6);
-    yard_fini(&yard);
+    assert_stays(yard, 1e-6);
 }
 
 /* m g r = Ks (qm - q) = Kt I, and V = R I holds it. */
-TEST(arm_hangs_on_its_spring_and_current)
+TEST_ON(arm_hangs_on_its_spring_and_current, yard, yard)
 {
     const double torque = -3.0 * gravity * 0.4 * cos(0.3);
-    struct yard yard;
     const struct motor_sense *motor;
     const struct robot_sea *sea;
 
-    yard_begin(&yard, 0);
-    yard.joint = 0.3;
-    yard_settle_well(&yard);
-    motor = plant_sensors(yard.plant)->motor;
-    sea = &yard.toy.joint[0].sea;
+    yard_begin(yard, 0);
+    yard->joint = 0.3;
+    yard_settle_well(yard);
+    motor = plant_sensors(yard->plant)->motor;
+    sea = &yard->toy.joint[0].sea;
     assert_near(motor->q, 0.3, 0.0);
     assert_near(motor->torque_nm, torque, 1e-9);
     assert_near(motor->qm - motor->q, torque / sea->Ks, 1e-12);
     assert_near(motor->current_a, torque / sea->Kt, 1e-12);
-    assert_near(plant_command(yard.plant)->motor[0].voltage_v, sea->R * torque / sea->Kt, 1e-12);
-    assert_ok(plant_step(yard.plant, 500));
-    assert_ok(plant_sample(yard.plant));
+    assert_near(plant_command(yard->plant)->motor[0].voltage_v, sea->R * torque / sea->Kt, 1e-12);
+    assert_ok(plant_step(yard->plant, 500));
+    assert_ok(plant_sample(yard->plant));
     assert_near(motor->q, 0.3, 1e-9);
-    yard_fini(&yard);
 }
 
 /* The rope takes a part of the torque, the drive the rest. */
-TEST(parallel_spring_takes_its_share)
+TEST_ON(parallel_spring_takes_its_share, yard, yard)
 {
     const double torque = -3.0 * gravity * 0.4 * cos(0.3);
-    struct yard yard;
     double share;
 
-    yard_begin(&yard, 0);
-    yard.joint = 0.3;
-    yard.toy.joint[0].spring = (struct robot_parallel_spring){
+    yard_begin(yard, 0);
+    yard->joint = 0.3;
+    yard->toy.joint[0].spring = (struct robot_parallel_spring){
         .present = true, .enabled = true, .k_p = 2000.0, .d_p = 10.0, .r = 0.05, .s = 1.0};
-    share = parallel_spring_torque(&yard.toy.joint[0].spring, 0.0, 0.0, 0.3, 0.0);
-    yard_settle_well(&yard);
+    share = parallel_spring_torque(&yard->toy.joint[0].spring, 0.0, 0.0, 0.3, 0.0);
+    yard_settle_well(yard);
     assert_true(fabs(share) > 1.0);
-    assert_near(plant_sensors(yard.plant)->motor[0].torque_nm, torque - share, 1e-9);
-    yard_fini(&yard);
+    assert_near(plant_sensors(yard->plant)->motor[0].torque_nm, torque - share, 1e-9);
 }
 
-TEST(thrown_body_is_left_alone)
+TEST_ON(thrown_body_is_left_alone, yard, yard)
 {
-    struct yard yard;
     double pose[7];
 
-    yard_begin(&yard, 1);
-    yard.block[0].position[2] = 2.0;
-    yard.block[0].v[0] = 1.0;
-    yard_settle_well(&yard);
-    plant_free_pose(yard.plant, 0, pose);
+    yard_begin(yard, 1);
+    yard->block[0].position[2] = 2.0;
+    yard->block[0].v[0] = 1.0;
+    yard_settle_well(yard);
+    plant_free_pose(yard->plant, 0, pose);
     assert_near(pose[2], 2.0, 0.0);
-    assert_near(plant_free_motion(yard.plant)[0].v[0], 1.0, 0.0);
-    yard_fini(&yard);
+    assert_near(plant_free_motion(yard->plant)[0].v[0], 1.0, 0.0);
 }
 
 /* ---- held by friction ---- */
@@ -414,29 +392,27 @@ TEST(a_block_that_slides_is_told_its_slope_and_its_friction)
 }
 
 /* Between two walls that press it, with nothing under it. */
-TEST(a_block_between_two_walls_is_held_by_them)
+TEST_ON(a_block_between_two_walls_is_held_by_them, yard, yard)
 {
     static const double into[2][3] = {{0.0, 1.5707963267948966, 0.0},
                                       {0.0, -1.5707963267948966, 0.0}};
     const double depth = 2e-4; /* 11 N */
-    struct yard yard;
 
-    yard_begin(&yard, 1);
-    yard.law = CONTACT_FRICTION_STICKING;
-    yard.surface[2] = yard.surface[0];
-    yard.surface[2].name = "wall";
+    yard_begin(yard, 1);
+    yard->law = CONTACT_FRICTION_STICKING;
+    yard->surface[2] = yard->surface[0];
+    yard->surface[2].name = "wall";
     for (int w = 0; w < 2; w++) {
-        struct contact_surface *wall = &yard.surface[2 * w];
+        struct contact_surface *wall = &yard->surface[2 * w];
 
         mat3_from_rpy(into[w], wall->rotation);
         wall->position[0] = (w ? 1.0 : -1.0) * (half - depth);
     }
-    yard.pair[1] = (struct contact_pair){.a = 1, .b = 2};
-    yard.walls = 1;
-    yard_settle_well(&yard);
-    assert_near(plant_contact_wrenches(yard.plant)[0].force[2], mass * gravity, 1e-6);
-    assert_stays(&yard, 1e-8);
-    yard_fini(&yard);
+    yard->pair[1] = (struct contact_pair){.a = 1, .b = 2};
+    yard->walls = 1;
+    yard_settle_well(yard);
+    assert_near(plant_contact_wrenches(yard->plant)[0].force[2], mass * gravity, 1e-6);
+    assert_stays(yard, 1e-8);
 }
 
 /* ---- refusals ---- */

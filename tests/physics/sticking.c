@@ -2,8 +2,6 @@
 /*
  * Friction that sticks, in a rig as it is: COMAN on a slope for a minute, its motors holding.
  */
-#include <math.h>
-#include <stdio.h>
 
 #include "model/plant_private.h"
 #include "tests/figure.h"
@@ -44,57 +42,55 @@ static double creep_in_a_minute(struct rig_scene *scene)
     return crept;
 }
 
+CLOSED_BENCH(rig_scene, struct rig_scene, rig_scene_fini)
+
 /* Settled, it stands from the first tick on: nothing jerks, nothing creeps. */
-TEST(coman_settles_on_a_slope_and_stays_for_a_minute)
+TEST_ON(coman_settles_on_a_slope_and_stays_for_a_minute, rig_scene, scene)
 {
-    static struct rig_scene scene;
     struct settled settled;
     double crept, jerk = 0.0, weight;
 
-    rig_scene_init(&scene, &coman);
-    settled = rig_scene_settle(&scene);
-    weight = scene.robot->total_mass * vec3_norm(scene.robot->gravity);
+    rig_scene_init(scene, &coman);
+    settled = rig_scene_settle(scene);
+    weight = scene->robot->total_mass * vec3_norm(scene->robot->gravity);
     for (int k = 0; k < SECOND; k++) {
         double force[3] = {0.0, 0.0, 0.0};
 
-        rig_scene_hold(&scene);
+        rig_scene_hold(scene);
         for (int f = 0; f < FEET; f++) {
             const struct contact_wrench *foot =
-                rig_scene_wrench(&scene, robot_find_body(scene.robot, f ? "LFoot" : "RFoot"));
+                rig_scene_wrench(scene, robot_find_body(scene->robot, f ? "LFoot" : "RFoot"));
 
             vec3_add_scaled(force, 1.0, foot->force, force);
         }
-        vec3_add_scaled(force, scene.robot->total_mass, scene.robot->gravity, force);
+        vec3_add_scaled(force, scene->robot->total_mass, scene->robot->gravity, force);
         jerk = fmax(jerk, vec3_norm(force));
     }
-    crept = creep_in_a_minute(&scene);
+    crept = creep_in_a_minute(scene);
     print_message("# %zu iterations, tilt %.3f mrad; feet off by %.1e N of %.0f N at most in the "
                   "first second; they crept by %.1e m in 60 s\n",
                   settled.iterations, 1e3 * settled.tilt_rad, jerk, weight, crept);
     assert_true(jerk < 1e-6 * weight);
     assert_true(crept < 1e-9);
-    rig_scene_fini(&scene);
 }
 
 /* Put on its feet with relaxed springs it sways, on legs that hardly damp it; once that has faded,
  * after 80 s, it stays. Before, its feet bend the layers that they stand on to and fro. */
-TEST(coman_that_came_down_on_a_slope_stays_for_a_minute)
+TEST_ON(coman_that_came_down_on_a_slope_stays_for_a_minute, rig_scene, scene)
 {
-    static struct rig_scene scene;
     double crept;
 
-    rig_scene_init(&scene, &coman);
-    for (size_t j = 0; j < scene.robot->njoint; j++) {
-        scene.reference[j] = scene.rig->joint[j];
+    rig_scene_init(scene, &coman);
+    for (size_t j = 0; j < scene->robot->njoint; j++) {
+        scene->reference[j] = scene->rig->joint[j];
     }
     for (int k = 0; k < 80 * SECOND; k++) {
-        rig_scene_hold(&scene);
+        rig_scene_hold(scene);
     }
-    crept = creep_in_a_minute(&scene);
+    crept = creep_in_a_minute(scene);
     print_message("# the feet crept by %.2e m in 60 s\n", crept);
     assert_true(crept < 1e-6);
     figure_hold("slope_creep_m", crept);
-    rig_scene_fini(&scene);
 }
 
 /* Sways by 0.02 rad and squats by 0.03 rad, a quarter of a cycle apart, at 3 Hz. */
@@ -122,31 +118,30 @@ static void refer_to_a_swaying_squat(struct rig_scene *scene,
 
 /* The loads of both feet swing, well inside of what friction can hold, and their edges lift: they
  * do not walk. Legs that hardly damp it let the start's own sway fade for half a minute. */
-TEST(coman_that_sways_and_squats_does_not_walk)
+TEST_ON(coman_that_sways_and_squats_does_not_walk, rig_scene, scene)
 {
     static const struct rig_scene_choice flat = {
         .file = "coman.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
-    static struct rig_scene scene;
     double settled[RIG_SCENE_JOINTS], before[FEET][3], after[FEET][3], most = 0.0, worst = 0.0;
 
-    rig_scene_init(&scene, &flat);
-    rig_scene_settle(&scene);
-    memcpy(settled, scene.reference, sizeof settled);
+    rig_scene_init(scene, &flat);
+    rig_scene_settle(scene);
+    memcpy(settled, scene->reference, sizeof settled);
     for (int k = 0; k <= 96 * SECOND; k++) {
-        refer_to_a_swaying_squat(&scene, settled, 1e-3 * k);
-        rig_scene_hold(&scene);
+        refer_to_a_swaying_squat(scene, settled, 1e-3 * k);
+        rig_scene_hold(scene);
         if (k == 36 * SECOND) {
-            find_feet(&scene, before);
+            find_feet(scene, before);
         }
         for (int f = 0; f < FEET; f++) {
             const double *force =
-                rig_scene_wrench(&scene, robot_find_body(scene.robot, f ? "LFoot" : "RFoot"))
+                rig_scene_wrench(scene, robot_find_body(scene->robot, f ? "LFoot" : "RFoot"))
                     ->force;
 
             most = fmax(most, hypot(force[0], force[1]) / force[2]);
         }
     }
-    find_feet(&scene, after);
+    find_feet(scene, after);
     for (int f = 0; f < FEET; f++) {
         for (int i = 0; i < 2; i++) {
             worst = fmax(worst, fabs(after[f][i] - before[f][i]));
@@ -155,7 +150,6 @@ TEST(coman_that_sways_and_squats_does_not_walk)
     print_message("# T/N up to %.2f; the feet moved by %.1e m in 60 s\n", most, worst);
     assert_true(most < 0.3);
     assert_true(worst < 1e-6);
-    rig_scene_fini(&scene);
 }
 
 /* Evaluates the present motion with bristles and time ahead; returns how many evaluations of the
@@ -172,33 +166,31 @@ static uint64_t evaluate(struct plant *plant, double ahead_s)
 }
 
 /* The memory of the last evaluation answers for the same motion, bristles and time ahead only. */
-TEST(memory_of_contact_answers_for_the_same_bristles)
+TEST_ON(memory_of_contact_answers_for_the_same_bristles, rig_scene, scene)
 {
-    static struct rig_scene scene;
     double *bristle;
     size_t count, other = 0;
 
-    rig_scene_init(&scene, &coman);
-    rig_scene_settle(&scene);
-    rig_scene_hold(&scene);
-    bristle = plant_state(scene.plant, &count) + scene.plant->at.bristle;
-    evaluate(scene.plant, 0.0);
-    assert_int_equal(evaluate(scene.plant, 0.0), 0);
-    assert_true(scene.plant->nlive >= FEET);
+    rig_scene_init(scene, &coman);
+    rig_scene_settle(scene);
+    rig_scene_hold(scene);
+    bristle = plant_state(scene->plant, &count) + scene->plant->at.bristle;
+    evaluate(scene->plant, 0.0);
+    assert_int_equal(evaluate(scene->plant, 0.0), 0);
+    assert_true(scene->plant->nlive >= FEET);
 
     /* Another time ahead, one bristle bent further, one more pair with bristles, one less */
-    assert_int_equal(evaluate(scene.plant, 1e-4), 1);
-    assert_int_equal(evaluate(scene.plant, 1e-4), 0);
-    assert_int_equal(evaluate(scene.plant, 0.0), 1);
-    bristle[CONTACT_BRISTLE * (size_t)scene.plant->live[0]] += 1e-9;
-    assert_int_equal(evaluate(scene.plant, 0.0), 1);
-    while (scene.plant->live[0] == (int)other || scene.plant->live[1] == (int)other) {
+    assert_int_equal(evaluate(scene->plant, 1e-4), 1);
+    assert_int_equal(evaluate(scene->plant, 1e-4), 0);
+    assert_int_equal(evaluate(scene->plant, 0.0), 1);
+    bristle[CONTACT_BRISTLE * (size_t)scene->plant->live[0]] += 1e-9;
+    assert_int_equal(evaluate(scene->plant, 0.0), 1);
+    while (scene->plant->live[0] == (int)other || scene->plant->live[1] == (int)other) {
         other++;
     }
     bristle[CONTACT_BRISTLE * other] = 1e-9;
-    assert_int_equal(evaluate(scene.plant, 0.0), 1);
-    assert_int_equal(evaluate(scene.plant, 0.0), 0);
+    assert_int_equal(evaluate(scene->plant, 0.0), 1);
+    assert_int_equal(evaluate(scene->plant, 0.0), 0);
     bristle[CONTACT_BRISTLE * other] = 0.0;
-    assert_int_equal(evaluate(scene.plant, 0.0), 1);
-    rig_scene_fini(&scene);
+    assert_int_equal(evaluate(scene->plant, 0.0), 1);
 }

@@ -9,9 +9,6 @@
 #include "model/spatial.h"
 #include "model/stop.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
 #include "tests/physics/toy_plant.h"

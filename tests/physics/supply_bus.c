@@ -3,8 +3,6 @@
  * The supply that rises (model/drives/supply.h): closed forms of the bus alone, and a rotor that is
  * braked into it.
  */
-#include <math.h>
-#include <stdio.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/toy_plant.h"

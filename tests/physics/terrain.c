@@ -3,8 +3,6 @@
  * COMAN on the ground of the walk-* rigs: where the mesh is level it carries as a half-space does.
  * (A foot on the bump: contact_terrain.c.)
  */
-#include <math.h>
-#include <stdio.h>
 
 #include "base/vec3.h"
 #include "tests/physics/near.h"

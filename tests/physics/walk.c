@@ -10,10 +10,6 @@
 #include "tests/rig_run.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 enum { SIGNALS_MAX = 64, PELVIS = 0, STIFFEST_NM_RAD = 1000 /* stiffer ones are gears */ };
 
 #define OMEGA_PER_S                                                                                \

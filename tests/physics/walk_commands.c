@@ -9,10 +9,6 @@
 #include "tests/test.h"
 #include "tests/tunables.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 enum { PELVIS = 0, MOMENTS = 8 };
 
 struct order {

@@ -8,8 +8,6 @@
  * come from the positions and velocities of all bodies by differences in time, not from the plant's
  * accelerations; the rates at a step are central differences of fourth order, exact to 1e-9 or so.
  */
-#include <math.h>
-#include <stdio.h>
 
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
@@ -347,22 +345,19 @@ static void squat_briefly(struct run *run, double t)
     bend(run, t, 0.8);
 }
 
-TEST(power_balances_while_coman_stands_and_squats)
-{
-    static struct run run;
+CLOSED_BENCH(run, struct run, run_end)
 
-    run_begin(&run, "coman.yaml", NULL);
-    check_energy(&run, squat_briefly, 10000);
-    run_end(&run);
+TEST_ON(power_balances_while_coman_stands_and_squats, run, run)
+{
+    run_begin(run, "coman.yaml", NULL);
+    check_energy(run, squat_briefly, 10000);
 }
 
-TEST(power_balances_while_a_box_is_lifted)
-{
-    static struct run run;
+BENCH(run_begin_at_the_box, struct run, run_end)
 
-    run_begin_at_the_box(&run);
-    check_energy(&run, take, 5000);
-    run_end(&run);
+TEST_ON(power_balances_while_a_box_is_lifted, run_begin_at_the_box, run)
+{
+    check_energy(run, take, 5000);
 }
 
 /* Largest violations of Newton's and Euler's laws, N and N m */
@@ -445,30 +440,26 @@ static void follow_laws(struct run *run, void (*act)(struct run *run, double t),
                   worst->sensor_force, worst->sensor_moment, worst->bends, worst->instants);
 }
 
-TEST(contact_forces_are_the_rates_of_momentum_while_coman_squats)
+TEST_ON(contact_forces_are_the_rates_of_momentum_while_coman_squats, run, run)
 {
-    static struct run run;
     struct violation worst;
 
-    run_begin(&run, "coman.yaml", NULL);
-    follow_laws(&run, squat_briefly, 4000, &worst);
+    run_begin(run, "coman.yaml", NULL);
+    follow_laws(run, squat_briefly, 4000, &worst);
     assert_true(worst.force < 1e-4);
     assert_true(worst.moment < 1e-4);
     assert_true(worst.sensor_force < 1e-4);
     assert_true(worst.sensor_moment < 1e-4);
-    run_end(&run);
 }
 
 /* Where friction begins to yield, or the area that touches begins to drag its anchor along, the
  * force bends: there, and nowhere else, a difference over steps of h is off by a part of the
  * slope's jump times h: 24 mN, and 8.5 mN at half the step. */
-TEST(contact_forces_are_the_rates_of_momentum_while_a_box_is_lifted)
+TEST_ON(contact_forces_are_the_rates_of_momentum_while_a_box_is_lifted, run_begin_at_the_box, run)
 {
-    static struct run run;
     struct violation worst;
 
-    run_begin_at_the_box(&run);
-    follow_laws(&run, take, 4000, &worst);
+    follow_laws(run, take, 4000, &worst);
     assert_true(worst.force < 2e-3);
     assert_true(worst.moment < 1e-3);
     assert_true(worst.box_force < 4e-2);
@@ -476,24 +467,21 @@ TEST(contact_forces_are_the_rates_of_momentum_while_a_box_is_lifted)
     assert_true(worst.bends < 0.01 * worst.instants);
     assert_true(worst.sensor_force < 2e-3);
     assert_true(worst.sensor_moment < 1e-3);
-    run_end(&run);
 }
 
 /* The box's momentum is what table, wrists and its weight have given it, pair by pair. */
-TEST(momentum_of_the_box_is_the_sum_of_its_impulses)
+TEST_ON(momentum_of_the_box_is_the_sum_of_its_impulses, run_begin_at_the_box, run)
 {
-    static struct run run;
     const struct contact_config *contact;
     double table[3] = {0.0}, wrists[3] = {0.0}, last[2][3] = {{0.0}}, mass, gravity, T = 0.0;
     int box = -1;
 
-    run_begin_at_the_box(&run);
-    contact = &run.scene.rig->contact;
-    mass = run.scene.rig->free[0].inertia.mass;
-    gravity = run.scene.robot->gravity[2];
+    contact = &run->scene.rig->contact;
+    mass = run->scene.rig->free[0].inertia.mass;
+    gravity = run->scene.robot->gravity[2];
     for (int k = 0; k <= 5000; k++) {
         struct contact_patch patch[PATCHES];
-        size_t count = run.scene.contact->ops->patches(run.scene.contact, patch, PATCHES);
+        size_t count = run->scene.contact->ops->patches(run->scene.contact, patch, PATCHES);
         double now[2][3] = {{0.0}};
 
         for (size_t i = 0; i < count; i++) {
@@ -513,21 +501,20 @@ TEST(momentum_of_the_box_is_the_sum_of_its_impulses)
         }
         memcpy(last, now, sizeof last);
         if (k < 5000) {
-            take(&run, h * k);
-            advance(&run);
+            take(run, h * k);
+            advance(run);
             T += h;
         }
     }
     assert_true(box > 0);
     print_message("# impulses on the box in %.1f s: table %.5f, wrists %.5f, weight %.5f N s; "
                   "momentum %.5f N s, which leaves %.1e\n",
-                  T, table[2], wrists[2], mass * gravity * T, run.window[WINDOW - 1].box.p[2],
-                  table[2] + wrists[2] + mass * gravity * T - run.window[WINDOW - 1].box.p[2]);
+                  T, table[2], wrists[2], mass * gravity * T, run->window[WINDOW - 1].box.p[2],
+                  table[2] + wrists[2] + mass * gravity * T - run->window[WINDOW - 1].box.p[2]);
     assert_true(wrists[2] > 1.0); /* they carry it at the end */
     for (int x = 0; x < 3; x++) {
         double given = table[x] + wrists[x] + (x == 2 ? mass * gravity * T : 0.0);
 
-        assert_near(run.window[WINDOW - 1].box.p[x], given, 1e-5);
+        assert_near(run->window[WINDOW - 1].box.p[x], given, 1e-5);
     }
-    run_end(&run);
 }

@@ -4,8 +4,6 @@
  * from the rig's own start, springs and layers relaxed, through the transient of 0.2 s and one
  * squat of 10 cm in 2 s, twice as fast as the rig's.
  */
-#include <math.h>
-#include <stdio.h>
 #include <time.h>
 
 #include "tests/figure.h"

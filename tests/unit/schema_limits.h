@@ -12,9 +12,6 @@
 #include "base/yaml.h"
 
 #include <float.h>
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/test.h"

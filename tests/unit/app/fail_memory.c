@@ -15,8 +15,6 @@
 
 #include <dirent.h>
 #include <stdatomic.h>
-#include <stdlib.h>
-#include <string.h>
 #include <time.h>
 #include <unistd.h>
 

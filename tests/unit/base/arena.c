@@ -5,17 +5,18 @@
 #include "tests/test.h"
 
 #include <errno.h>
-#include <stdbool.h>
-#include <string.h>
 
-TEST(hands_out_zeroed_aligned_memory_that_does_not_overlap)
+static struct error error;
+
+CLOSED_BENCH(arena, struct arena, arena_fini)
+
+TEST_ON(hands_out_zeroed_aligned_memory_that_does_not_overlap, arena, arena)
 {
-    struct arena arena;
     unsigned char *last_end = NULL;
 
-    assert_ok(arena_init(&arena, 1 << 20, NULL));
+    assert_ok(arena_init(arena, 1 << 20, NULL));
     for (size_t size = 1; size < 500; size += 7) {
-        unsigned char *p = arena_alloc(&arena, size, 1);
+        unsigned char *p = arena_alloc(arena, size, 1);
 
         assert_non_null(p);
         assert_int_equal((uintptr_t)p % 64, 0);
@@ -26,45 +27,36 @@ TEST(hands_out_zeroed_aligned_memory_that_does_not_overlap)
         memset(p, 0xa5, size);
         last_end = p + size;
     }
-    arena_fini(&arena);
 }
 
-TEST(refuses_more_than_its_capacity_and_stays_usable)
+TEST_ON(refuses_more_than_its_capacity_and_stays_usable, arena, arena)
 {
-    struct arena arena;
-
-    assert_ok(arena_init(&arena, 4096, NULL));
-    assert_null(arena_alloc(&arena, 4097, 1));
-    assert_non_null(arena_alloc(&arena, 4000, 1));
-    assert_null(arena_alloc(&arena, 65, 1));
-    assert_non_null(arena_alloc(&arena, 64, 1));
-    assert_null(arena_alloc(&arena, 1, 1));
-    assert_null(arena_strdup(&arena, "text"));
-    arena_fini(&arena);
+    assert_ok(arena_init(arena, 4096, NULL));
+    assert_null(arena_alloc(arena, 4097, 1));
+    assert_non_null(arena_alloc(arena, 4000, 1));
+    assert_null(arena_alloc(arena, 65, 1));
+    assert_non_null(arena_alloc(arena, 64, 1));
+    assert_null(arena_alloc(arena, 1, 1));
+    assert_null(arena_strdup(arena, "text"));
 }
 
-TEST(refuses_sizes_whose_product_overflows)
+TEST_ON(refuses_sizes_whose_product_overflows, arena, arena)
 {
-    struct arena arena;
-
-    assert_ok(arena_init(&arena, 4096, NULL));
-    assert_null(arena_alloc(&arena, SIZE_MAX / 2, 3));
-    assert_null(arena_alloc(&arena, SIZE_MAX, SIZE_MAX));
-    assert_null(arena_alloc(&arena, SIZE_MAX, 1));
-    arena_fini(&arena);
+    assert_ok(arena_init(arena, 4096, NULL));
+    assert_null(arena_alloc(arena, SIZE_MAX / 2, 3));
+    assert_null(arena_alloc(arena, SIZE_MAX, SIZE_MAX));
+    assert_null(arena_alloc(arena, SIZE_MAX, 1));
 }
 
-TEST(hands_out_nothing_once_it_is_sealed)
+TEST_ON(hands_out_nothing_once_it_is_sealed, arena, arena)
 {
-    struct arena arena;
     char *text;
 
-    assert_ok(arena_init(&arena, 1 << 20, NULL));
-    text = arena_strdup(&arena, "kept");
-    assert_ok(arena_seal(&arena, false, NULL));
-    assert_null(arena_alloc(&arena, 1, 1));
+    assert_ok(arena_init(arena, 1 << 20, NULL));
+    text = arena_strdup(arena, "kept");
+    assert_ok(arena_seal(arena, false, NULL));
+    assert_null(arena_alloc(arena, 1, 1));
     assert_string_equal(text, "kept");
-    arena_fini(&arena);
 }
 
 TEST(finishing_twice_does_no_harm)
@@ -76,22 +68,16 @@ TEST(finishing_twice_does_no_harm)
     arena_fini(&arena);
 }
 
-TEST(says_why_memory_could_not_be_reserved)
+TEST_ON(says_why_memory_could_not_be_reserved, arena, arena)
 {
-    struct arena arena;
-    struct error error;
-
-    assert_int_equal(arena_init(&arena, (size_t)1 << 62, &error), ERROR_SYSTEM);
+    assert_int_equal(arena_init(arena, (size_t)1 << 62, &error), ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "4611686018427387904 bytes"));
     assert_non_null(strstr(error.text, strerror(ENOMEM)));
-    assert_null(arena_alloc(&arena, 1, 1));
-    arena_fini(&arena);
+    assert_null(arena_alloc(arena, 1, 1));
 }
 
 TEST(an_error_carries_code_and_text)
 {
-    struct error error;
-
     assert_int_equal(error_set(&error, ERROR_INPUT, "found %d", 7), ERROR_INPUT);
     assert_int_equal(error.code, ERROR_INPUT);
     assert_string_equal(error.text, "found 7");
@@ -109,8 +95,6 @@ TEST(an_error_that_nobody_asked_for_is_only_a_code)
 
 TEST(an_error_repeats_no_control_characters)
 {
-    struct error error;
-
     error_set(&error, ERROR_INPUT, "found \"%s\"", "a\x1b[2J\n\x7f\xc3\xa4");
     assert_string_equal(error.text, "found \"a?[2J??\xc3\xa4\"");
     error_prefix(&error, "%s", "x\ty");
@@ -121,7 +105,6 @@ TEST(an_error_repeats_no_control_characters)
 
 TEST(a_long_error_text_is_cut_and_stays_a_string)
 {
-    struct error error;
     char text[3000];
 
     memset(text, 'y', sizeof text - 1);

@@ -3,12 +3,10 @@
 #include "base/config.h"
 #include "tests/test.h"
 
-#include <stdbool.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
+
+static struct error error;
 
 static struct config_trees trees;
 static char local[128], installed[128], built[128];
@@ -61,7 +59,6 @@ FIXTURE(stop)
 static void assert_leads(const char *name, const char *folder, const char *file)
 {
     char path[PATH_MAX], expected[PATH_MAX];
-    struct error error;
 
     assert_ok(config_locate_in(CONFIG_RIG, name, &trees, path, &error));
     snprintf(expected, sizeof expected, "%s%s%s", folder, folder[0] ? "/" : "", file);
@@ -88,7 +85,6 @@ TEST_WITH(a_path_stays_what_it_is_even_when_there_is_nothing, start, stop)
 TEST_WITH(an_unknown_name_is_refused_with_the_places, start, stop)
 {
     char path[PATH_MAX];
-    struct error error;
 
     assert_int_equal(config_locate_in(CONFIG_RIG, "nobody", &trees, path, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "nobody.yaml"));
@@ -100,7 +96,6 @@ TEST_WITH(an_unknown_name_is_refused_with_the_places, start, stop)
 TEST_WITH(a_misspelled_name_is_refused_with_the_nearest, start, stop)
 {
     char path[PATH_MAX];
-    struct error error;
 
     touch(local, "coman.yaml");
     touch(built, "walkman.yaml");
@@ -118,7 +113,6 @@ TEST_WITH(a_misspelled_name_is_refused_with_the_nearest, start, stop)
 TEST_WITH(a_name_with_yaml_behind_it_is_told_from_the_name, start, stop)
 {
     char path[PATH_MAX];
-    struct error error;
 
     touch(built, "coman.yaml");
     assert_int_equal(config_locate_in(CONFIG_RIG, "coman.yaml", &trees, path, &error), ERROR_INPUT);
@@ -176,7 +170,6 @@ TEST_WITH(a_path_that_is_too_long_is_refused, start, stop)
 TEST(the_program_looks_in_etc)
 {
     char path[PATH_MAX];
-    struct error error;
 
     assert_int_equal(config_locate(CONFIG_RIG, "hil-no-such-rig", path, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "/etc/coman-hil/rigs"));

@@ -3,8 +3,6 @@
 #include "base/crc32.h"
 #include "tests/test.h"
 
-#include <string.h>
-
 TEST(published_check_values_hold)
 {
     static const char fox[] = "The quick brown fox jumps over the lazy dog";

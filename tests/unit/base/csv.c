@@ -5,14 +5,11 @@
 #include "base/array.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
+static struct error error;
 
 TEST(rows_are_read_one_by_one)
 {
     static const char text[] = "time_s,a b\r\n0,-1.5\r\n1e3,2";
-    struct error error;
     struct csv *csv;
     bool end;
 
@@ -39,7 +36,6 @@ TEST(what_is_wrong_has_a_line)
         {"a\n 1\n", "x.csv:2: column 1 (a): found \" 1\", expected a number"},
         {"a\n1\n\n", "x.csv:3: column 1 (a): found \"\", expected a number"},
     };
-    struct error error;
     struct csv *csv;
 
     for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
@@ -59,7 +55,6 @@ TEST(what_is_wrong_has_a_line)
 TEST(limits_and_zero_bytes_are_refused)
 {
     static char text[CSV_LINE_BYTES + 8];
-    struct error error;
     struct csv *csv;
 
     memset(text, 'a', sizeof text);

@@ -6,12 +6,11 @@
 #include "tests/test.h"
 
 #include <errno.h>
-#include <string.h>
+
+static struct error error;
 
 TEST(a_failing_path_returns_the_code_that_it_sets)
 {
-    struct error error;
-
     assert_int_equal(error_set(&error, ERROR_INPUT, "found %d, expected %s", 3, "four"),
                      ERROR_INPUT);
     assert_int_equal(error.code, ERROR_INPUT);
@@ -28,8 +27,6 @@ TEST(nobody_has_to_want_the_message)
 
 TEST(a_refused_call_says_why)
 {
-    struct error error;
-
     assert_int_equal(error_set_errno(&error, EACCES, "cannot open %s", "can0"), ERROR_SYSTEM);
     assert_string_equal(error.text, "cannot open can0: Permission denied");
 }
@@ -37,7 +34,6 @@ TEST(a_refused_call_says_why)
 TEST(a_wrong_file_name_is_the_persons_error_and_a_broken_disk_the_systems)
 {
     static const int wrong_name[] = {ENOENT, ENOTDIR, EISDIR, EACCES, ENAMETOOLONG, ELOOP};
-    struct error error;
 
     for (size_t i = 0; i < ARRAY_COUNT(wrong_name); i++) {
         assert_int_equal(error_set_file(&error, wrong_name[i], "rig.yaml", "cannot be read"),
@@ -49,8 +45,6 @@ TEST(a_wrong_file_name_is_the_persons_error_and_a_broken_disk_the_systems)
 
 TEST(a_prefix_keeps_code_and_text)
 {
-    struct error error;
-
     error_set(&error, ERROR_UNSUPPORTED, "no CAN");
     assert_int_equal(error_prefix(&error, "bus %d", 2), ERROR_UNSUPPORTED);
     assert_string_equal(error.text, "bus 2: no CAN");
@@ -58,8 +52,6 @@ TEST(a_prefix_keeps_code_and_text)
 
 TEST(control_characters_of_the_input_reach_no_terminal)
 {
-    struct error error;
-
     error_set(&error, ERROR_INPUT, "found \"%s\"", "a\n\x1b[2J\x7f");
     assert_string_equal(error.text, "found \"a??[2J?\"");
     error_set_errno(&error, EIO, "%s", "a\tb");
@@ -71,7 +63,6 @@ TEST(control_characters_of_the_input_reach_no_terminal)
 
 TEST(long_messages_are_cut_at_the_end)
 {
-    struct error error;
     char text[2000];
 
     memset(text, 'x', sizeof text - 1);

@@ -5,8 +5,6 @@
 #include "base/whole_file.h"
 #include "tests/test.h"
 
-#include <stdlib.h>
-#include <string.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <time.h>

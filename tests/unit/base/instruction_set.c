@@ -3,10 +3,6 @@
 #include "base/instruction_set.h"
 #include "tests/test.h"
 
-#include <stdbool.h>
-#include <stdio.h>
-#include <string.h>
-
 #if defined(__x86_64__)
 /* Whether Linux names a feature of the processor in a line of flags. */
 static bool kernel_tells(const char *flags, const char *feature)

@@ -3,10 +3,6 @@
 #include "base/json_text.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
 TEST(text_is_quoted_so_that_any_reader_takes_it)
 {
     static const struct variant {

@@ -5,9 +5,6 @@
 #include "base/array.h"
 #include "tests/test.h"
 
-#include <stdlib.h>
-#include <string.h>
-
 static void assert_markup(const char *text, unsigned flags, const char *expected)
 {
     char *out;

@@ -3,13 +3,11 @@
 #include "base/memory_file.h"
 #include "tests/test.h"
 
-#include <stdlib.h>
-#include <string.h>
+static struct error error;
 
 TEST(what_is_written_stands_in_memory)
 {
     struct memory_file memory;
-    struct error error;
     FILE *file = memory_file_open(&memory);
 
     assert_non_null(file);
@@ -23,7 +21,6 @@ TEST(what_is_written_stands_in_memory)
 TEST(nothing_written_is_the_empty_text)
 {
     struct memory_file memory;
-    struct error error;
     FILE *file = memory_file_open(&memory);
 
     assert_non_null(file);
@@ -37,7 +34,6 @@ TEST(the_memory_grows_with_the_text)
 {
     enum { LINES = 20000 };
     struct memory_file memory;
-    struct error error;
     FILE *file = memory_file_open(&memory);
 
     assert_non_null(file);
@@ -58,7 +54,6 @@ TEST(the_memory_grows_with_the_text)
 TEST(a_text_that_lost_a_piece_is_an_error)
 {
     struct memory_file memory;
-    struct error error;
     FILE *file = memory_file_open(&memory);
 
     assert_non_null(file);

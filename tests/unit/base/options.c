@@ -4,9 +4,6 @@
 
 #include "base/array.h"
 
-#include <stdlib.h>
-#include <string.h>
-
 #include "tests/unit/base/try_command.h"
 #include "tests/test.h"
 

@@ -5,9 +5,6 @@
 #include "base/array.h"
 #include "tests/test.h"
 
-#include <stdlib.h>
-#include <string.h>
-
 static const struct option_spec options[] = {
     {"--seed", OPTION_INT, "N", "seed of the_noise", NULL, .min = 0.0, .max = 9.0},
     {"--quiet", OPTION_FLAG, NULL, "no status line", NULL, .min = 0.0},

@@ -7,7 +7,6 @@
 #include "tests/test.h"
 
 #include <float.h>
-#include <math.h>
 
 #define TURN 6.283185307179586
 

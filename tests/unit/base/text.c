@@ -6,9 +6,6 @@
 #include "tests/test.h"
 
 #include <float.h>
-#include <stdbool.h>
-#include <stdio.h>
-#include <string.h>
 
 TEST(reads_finite_decimal_numbers)
 {

@@ -5,11 +5,10 @@
 #include "tests/test.h"
 
 #include <dirent.h>
-#include <stdbool.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
+
+static struct error error;
 
 static char folder[] = "/tmp/whole-file-XXXXXX";
 static char path[64], other[64];
@@ -63,7 +62,6 @@ static int count_entries(void)
 static enum error_code write_file(const char *name, const char *text, enum error_code code)
 {
     struct whole_file file;
-    struct error error;
 
     assert_ok(whole_file_open(&file, name, &error));
     fputs(text, file.out);
@@ -73,7 +71,6 @@ static enum error_code write_file(const char *name, const char *text, enum error
 TEST(has_its_name_when_it_is_whole)
 {
     struct whole_file file;
-    struct error error;
 
     assert_ok(whole_file_open(&file, path, &error));
     fputs("first", file.out);
@@ -121,7 +118,6 @@ TEST(stays_in_the_folder_that_it_was_opened_in)
 {
     char moved[64];
     struct whole_file file;
-    struct error error;
 
     snprintf(moved, sizeof moved, "%s-moved", folder);
     assert_ok(whole_file_open(&file, path, &error));
@@ -139,7 +135,6 @@ TEST(a_device_behind_the_link_of_another_user_is_not_written)
 {
     enum { NOBODY = 65534 };
     struct whole_file file;
-    struct error error;
 
     unlink(path);
     assert_int_equal(symlink("/dev/null", path), 0);
@@ -154,7 +149,6 @@ TEST(a_device_behind_the_link_of_another_user_is_not_written)
 TEST(refuses_a_folder)
 {
     struct whole_file file;
-    struct error error;
 
     assert_int_equal(whole_file_open(&file, folder, &error), ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "Is a directory"));
@@ -182,7 +176,6 @@ TEST(writes_to_a_device_in_place_and_says_that_it_is_full)
 TEST(names_a_folder_that_is_not_there)
 {
     struct whole_file file;
-    struct error error;
 
     assert_int_equal(whole_file_open(&file, "/nowhere/file", &error), ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "/nowhere/file"));
@@ -192,7 +185,6 @@ TEST(names_a_folder_that_is_not_there)
 
 static void growing_write(const char *name, const char *text)
 {
-    struct error error;
     int descriptor;
 
     assert_ok(growing_file_open(name, &descriptor, &error));
@@ -215,7 +207,6 @@ TEST(growing_has_its_name_at_once_and_is_not_writable_by_others)
 
 TEST(growing_may_be_written_anew_after_it_was_read_back)
 {
-    struct error error;
     FILE *file;
 
     growing_write(path, "first");
@@ -240,7 +231,6 @@ TEST(growing_is_another_file_than_the_one_that_was_there)
 
 TEST(growing_refuses_links_to_files)
 {
-    struct error error;
     int descriptor;
 
     assert_ok(write_file(other, "precious", ERROR_NONE));
@@ -256,7 +246,6 @@ TEST(growing_refuses_links_to_files)
 
 TEST(growing_into_a_pipe_that_nobody_reads_is_an_error)
 {
-    struct error error;
     int descriptor;
 
     assert_int_equal(mkfifo(path, 0600), 0);
@@ -268,7 +257,6 @@ TEST(growing_into_a_pipe_that_nobody_reads_is_an_error)
 TEST(whole_into_a_pipe_that_nobody_reads_is_an_error_and_never_a_wait)
 {
     struct whole_file file;
-    struct error error;
 
     assert_int_equal(mkfifo(path, 0600), 0);
     assert_int_equal(whole_file_open(&file, path, &error), ERROR_SYSTEM);
@@ -279,8 +267,6 @@ TEST(whole_into_a_pipe_that_nobody_reads_is_an_error_and_never_a_wait)
 
 TEST(a_probe_leaves_everything_as_it_is)
 {
-    struct error error;
-
     assert_ok(whole_file_probe(path, &error));
     assert_int_equal(count_entries(), 0);
     assert_int_equal(whole_file_probe("/nowhere/file", &error), ERROR_SYSTEM);
@@ -294,7 +280,6 @@ TEST(links_below_the_folder_given_are_not_followed)
 {
     char given[64], below[80], link[96];
     struct whole_file file;
-    struct error error;
     int descriptor;
 
     snprintf(given, sizeof given, "%s/given", folder);
@@ -331,7 +316,6 @@ TEST(folders_are_made_and_others_cannot_write_into_them)
 {
     mode_t mask = umask(0);
     char deep[96];
-    struct error error;
     struct stat there;
     bool made;
 
@@ -357,7 +341,6 @@ TEST(folders_are_made_and_others_cannot_write_into_them)
 TEST(a_folder_behind_the_link_of_another_user_is_not_taken)
 {
     enum { NOBODY = 65534 };
-    struct error error;
 
     assert_int_equal(symlink("/", path), 0);
     assert_ok(folder_make(path, NULL, &error));

@@ -2,8 +2,6 @@
 /* The reader of YAML: what is read, from text and from files. What is refused: yaml_refused.c. */
 #include "tests/unit/base/yaml_car.h"
 
-#include <stdio.h>
-#include <stdlib.h>
 #include <sys/stat.h>
 #include <unistd.h>
 

@@ -9,8 +9,6 @@
 #include "base/array.h"
 
 #include <float.h>
-#include <math.h>
-#include <string.h>
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/test.h"

@@ -7,11 +7,6 @@
 #include "base/yaml.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
-
 struct wheel {
     struct yaml_mark mark;
     int64_t address;

@@ -182,32 +182,20 @@ static void start(struct board_bench *bench)
     bench_send(bench, 0, 0x001, "52 E8 00 01 00 00 00 0A"); /* kp 232, ki 1 over 1024: 20 rad/s */
 }
 
-FIXTURE(set_up)
+TEST_ON(without_gains_a_position_mode_has_no_voltage, bench_open, bench)
 {
-    static struct board_bench bench;
-
-    start(&bench);
-    *test_state = &bench;
-    return 0;
-}
-
-TEST_WITH(without_gains_a_position_mode_has_no_voltage, bench_set_up, bench_tear_down)
-{
-    struct board_bench *bench = *test_state;
-
     bench_tick(bench);
-    bench_send(bench, 0, 0x001, "09 01");
-    bench_send(bench, 0, 0x001, "1B 10 27 00 00 E8 03");
+    bench_send(bench, 0, 0x001, "09 01; 1B 10 27 00 00 E8 03");
     for (int i = 0; i < 2000; i++) {
         bench_tick(bench);
         assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
     }
 }
 
-TEST_WITH(position_mode_moves_to_its_target_and_stays, set_up, bench_tear_down)
-{
-    struct board_bench *bench = *test_state;
+BENCH(start, struct board_bench, bench_stop)
 
+TEST_ON(position_mode_moves_to_its_target_and_stays, start, bench)
+{
     bench_send(bench, 0, 0x001, "09 01");
     bench_send(bench, 0, 0x001, "1B 10 27 00 00 E8 03"); /* 10000 ticks at 1000/100 ms: 1 s */
     run(bench, 500);
@@ -222,23 +210,18 @@ TEST_WITH(position_mode_moves_to_its_target_and_stays, set_up, bench_tear_down)
     assert_near(bench->sense[0].q, 2.5, 1e-3);
 }
 
-TEST_WITH(direct_mode_jumps_and_only_there, set_up, bench_tear_down)
+TEST_ON(direct_mode_jumps_and_only_there, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x001, "09 01");
-    bench_send(bench, 0, 0x001, "3E E8 03 00 00");
+    bench_send(bench, 0, 0x001, "09 01; 3E E8 03 00 00");
     bench_ask(bench, "39", "39 00 00 00 00");
-    bench_send(bench, 0, 0x001, "09 08");
-    bench_send(bench, 0, 0x001, "3E E8 03 00 00");
+    bench_send(bench, 0, 0x001, "09 08; 3E E8 03 00 00");
     bench_ask(bench, "39", "39 E8 03 00 00");
     run(bench, 2000);
     assert_near(bench->sense[0].q, 0.1, 1e-3);
 }
 
-TEST_WITH(velocity_mode_keeps_the_commanded_speed, set_up, bench_tear_down)
+TEST_ON(velocity_mode_keeps_the_commanded_speed, start, bench)
 {
-    struct board_bench *bench = *test_state;
     double before;
 
     bench_send(bench, 0, 0x001, "1C 50 00 01 00"); /* not in this mode */
@@ -260,50 +243,38 @@ TEST_WITH(velocity_mode_keeps_the_commanded_speed, set_up, bench_tear_down)
     assert_near(bench->sense[0].q, before, 2e-3);
 }
 
-TEST_WITH(velocity_stops_at_the_joint_limit, set_up, bench_tear_down)
+TEST_ON(velocity_stops_at_the_joint_limit, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x001, "42 E8 03 00 00"); /* 1000 ticks */
-    bench_send(bench, 0, 0x001, "09 02");
-    bench_send(bench, 0, 0x001, "1C 50 00 00 00");
+    bench_send(bench, 0, 0x001, "09 02; 1C 50 00 00 00");
     run(bench, 1500);
     bench_ask(bench, "39", "39 E8 03 00 00");
     bench_ask(bench, "18", "18 00 00");
     assert_near(bench->sense[0].q, 0.1, 5e-3);
 }
 
-TEST_WITH(mixed_mode_adds_move_and_velocity, set_up, bench_tear_down)
+TEST_ON(mixed_mode_adds_move_and_velocity, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x001, "09 07");
-    bench_send(bench, 0, 0x001, "1B E8 03 00 00 E8 03"); /* 1000 ticks in 100 ms */
-    bench_send(bench, 0, 0x001, "1C 10 00 00 00");       /* 1 tick/ms */
+    bench_send(bench, 0, 0x001, "09 07; 1B E8 03 00 00 E8 03"); /* 1000 ticks in 100 ms */
+    bench_send(bench, 0, 0x001, "1C 10 00 00 00");              /* 1 tick/ms */
     run(bench, 500);
     bench_ask(bench, "39", "39 DC 05 00 00"); /* 1000 + 500 */
 }
 
-TEST_WITH(current_mode_reaches_its_milliamperes, set_up, bench_tear_down)
+TEST_ON(current_mode_reaches_its_milliamperes, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x001, "65 02 00 04 00 00 00 0A"); /* kp 2/1024, ki 4/1024 PWM/mA */
-    bench_send(bench, 0, 0x001, "09 06");
-    bench_send(bench, 0, 0x001, "2C C4 09 00 00"); /* 2500 mA */
-    for (int i = 0; i < 200; i++) {                /* the shaft is held: current is V / R */
+    bench_send(bench, 0, 0x001, "09 06; 2C C4 09 00 00");   /* 2500 mA */
+    for (int i = 0; i < 200; i++) { /* the shaft is held: current is V / R */
         bench_tick(bench);
         bench->sense[0].current_a = bench->motor[0].voltage_v / 0.664;
     }
     assert_near(bench->sense[0].current_a, 2.5, 0.06); /* one PWM count is 54 mA */
 }
 
-TEST_WITH(torque_mode_reaches_its_counts, set_up, bench_tear_down)
+TEST_ON(torque_mode_reaches_its_counts, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x001, "4E 00 00 02 00 00 00 0A");
-    bench_send(bench, 0, 0x001, "09 03");
+    bench_send(bench, 0, 0x001, "4E 00 00 02 00 00 00 0A; 09 03");
     bench_send(bench, 0, 0x001, "2C A3 17 00 00"); /* 6051 counts of 0x8000 = 55 Nm: 10.16 Nm */
     for (int i = 0; i < 400; i++) {
         bench_tick(bench);
@@ -324,8 +295,7 @@ TEST(impedance_is_a_spring_around_the_reference)
         bench_send(&bench, 0, 0x001, "4E 00 00 02 00 00 00 0A");
         bench_send(&bench, 0, 0x001, "57 06 00 00 00 00 00 00");  /* 6 counts a tick */
         bench_send(&bench, 0, 0x001, m == 2 ? "74 01" : "74 00"); /* a compliant position mode */
-        bench_send(&bench, 0, 0x001, modes[m]);
-        bench_tick(&bench);
+        bench_say(&bench, 0, 0x001, modes[m]);
         bench.sense[0].q = 0.05; /* 500 ticks: -3000 counts = -5.04 Nm */
         for (int i = 0; i < 400; i++) {
             bench_tick(&bench);
@@ -336,36 +306,26 @@ TEST(impedance_is_a_spring_around_the_reference)
     }
 }
 
-TEST_WITH(limits_of_the_pid_cut_its_output, set_up, bench_tear_down)
+TEST_ON(limits_of_the_pid_cut_its_output, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x001, "2A C8 00"); /* 200 */
-    bench_send(bench, 0, 0x001, "09 08");
-    bench_send(bench, 0, 0x001, "3E 20 4E 00 00");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "09 08; 3E 20 4E 00 00");
     assert_near(bench->motor[0].voltage_v, 200.0 / 1333.0 * SUPPLY_V, 1e-12);
-    bench_send(bench, 0, 0x001, "2F 64 00");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "2F 64 00");
     assert_near(bench->motor[0].voltage_v, 100.0 / 1333.0 * SUPPLY_V, 1e-12);
 }
 
-TEST_WITH(offset_and_stiction_add_to_the_position_loop, bench_set_up, bench_tear_down)
+TEST_ON(offset_and_stiction_add_to_the_position_loop, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_tick(bench);
     bench_send(bench, 0, 0x001, "26 0A 00");       /* offset 10 */
     bench_send(bench, 0, 0x001, "5D 14 00 E2 FF"); /* 20 up, -30 down */
-    bench_send(bench, 0, 0x001, "09 01");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "09 01");
     assert_near(bench->motor[0].voltage_v, 10.0 / 1333.0 * SUPPLY_V, 1e-12);
-    bench_send(bench, 0, 0x001, "1B E8 03 00 00 E8 03");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "1B E8 03 00 00 E8 03");
     assert_near(bench->motor[0].voltage_v, 30.0 / 1333.0 * SUPPLY_V, 1e-12);
     bench_ticks(bench, 200);
     assert_near(bench->motor[0].voltage_v, 10.0 / 1333.0 * SUPPLY_V, 1e-12);
-    bench_send(bench, 0, 0x001, "1B 00 00 00 00 E8 03");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "1B 00 00 00 00 E8 03");
     assert_near(bench->motor[0].voltage_v, -20.0 / 1333.0 * SUPPLY_V, 1e-12);
 }

@@ -13,11 +13,6 @@
 #include "boards/icub/protocol.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
 enum { BENCH_JOINTS = 5, BENCH_BUSES = 2, BENCH_BOARDS = 5, BENCH_FRAMES = 1024 };
 
 #define TICKS_PER_RAD 10000.0
@@ -132,31 +127,6 @@ static inline void bench_stop(struct board_bench *bench)
     arena_fini(&bench->arena);
 }
 
-FIXTURE(bench_set_up)
-{
-    static struct board_bench bench;
-
-    bench_open(&bench);
-    *test_state = &bench;
-    return 0;
-}
-
-/* A test with this set-up calls bench_start itself. */
-FIXTURE(bench_configured)
-{
-    static struct board_bench bench;
-
-    bench_configure(&bench);
-    *test_state = &bench;
-    return 0;
-}
-
-FIXTURE(bench_tear_down)
-{
-    bench_stop(*test_state);
-    return 0;
-}
-
 /* "72 4D 01" -> three bytes */
 static inline uint8_t bench_bytes(const char *hex, uint8_t *data)
 {
@@ -171,13 +141,17 @@ static inline uint8_t bench_bytes(const char *hex, uint8_t *data)
     return len;
 }
 
-/* A classic frame arrives. */
+/* Classic frames arrive; ';' separates their bytes. */
 static inline void bench_send(struct board_bench *bench, size_t bus, uint32_t id, const char *hex)
 {
-    struct bus_frame frame = {.id = id};
+    while (hex) {
+        struct bus_frame frame = {.id = id};
 
-    frame.len = bench_bytes(hex, frame.data);
-    boards_receive(bench->boards, bench->now_ns, bus, &frame);
+        frame.len = bench_bytes(hex, frame.data);
+        boards_receive(bench->boards, bench->now_ns, bus, &frame);
+        hex = strchr(hex, ';');
+        hex += hex != NULL;
+    }
 }
 
 /* The first half of a tick. Before the very first the boards see what the test has set. */
@@ -214,6 +188,13 @@ static inline void bench_ticks(struct board_bench *bench, int count)
     while (count-- > 0) {
         bench_tick(bench);
     }
+}
+
+/* Frames arrive, and a tick follows. */
+static inline void bench_say(struct board_bench *bench, size_t bus, uint32_t id, const char *hex)
+{
+    bench_send(bench, bus, id, hex);
+    bench_tick(bench);
 }
 
 /* How many frames with this id were sent in the last tick. */
@@ -266,8 +247,7 @@ static inline void bench_expect(const struct board_bench *bench, size_t bus, uin
 /* Sends a request to board 1 on bus 0 and checks the one reply of the next tick. */
 static inline void bench_ask(struct board_bench *bench, const char *request, const char *reply)
 {
-    bench_send(bench, 0, 0x001, request);
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, request);
     bench_expect(bench, 0, 0x010, reply);
 }
 
@@ -304,5 +284,9 @@ static inline const struct bus_frame *bench_next_status(struct board_bench *benc
     }
     return NULL;
 }
+
+BENCH(bench_open, struct board_bench, bench_stop)
+
+BENCH(bench_configure, struct board_bench, bench_stop)
 
 #endif

@@ -17,10 +17,9 @@ static int node_of(unsigned address)
     }
 }
 
-TEST_WITH(every_frame_bears_the_number_of_its_board_on_its_bus, bench_set_up, bench_tear_down)
+TEST_ON(every_frame_bears_the_number_of_its_board_on_its_bus, bench_open, bench)
 {
     size_t seen[4] = {0};
-    struct board_bench *bench = *test_state;
 
     /* telemetry of the motor boards, then of the others, which send what the host starts */
     bench_send(bench, 0, 0x001, "49 7F 00 00 00");
@@ -28,8 +27,7 @@ TEST_WITH(every_frame_bears_the_number_of_its_board_on_its_bus, bench_set_up, be
     bench_send(bench, 0, 0x20c, "07 00");
     bench_send(bench, 0, 0x20d, "07 00");
     for (int tick = 0; tick < 40; tick++) {
-        bench_send(bench, 0, 0x70f, "FF"); /* each board answers */
-        bench_tick(bench);
+        bench_say(bench, 0, 0x70f, "FF"); /* each board answers */
         for (size_t i = 0; i < bench->count[0]; i++) {
             const int node = node_of(bench->frame[0][i].id >> 4 & 0xf);
 
@@ -42,28 +40,20 @@ TEST_WITH(every_frame_bears_the_number_of_its_board_on_its_bus, bench_set_up, be
     }
 }
 
-TEST_WITH(nodes_are_counted_anew_on_each_bus_and_stay_when_the_address_changes, bench_set_up,
-          bench_tear_down)
+TEST_ON(nodes_are_counted_anew_on_each_bus_and_stay_when_the_address_changes, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 1, 0x70f, "FF");
-    bench_tick(bench);
+    bench_say(bench, 1, 0x70f, "FF");
     assert_int_equal(bench->count[1], 1);
     assert_int_equal(bench->frame[1][0].node, 0);
-    bench_send(bench, 0, 0x002, "32 05"); /* SET_BOARD_ID */
-    bench_tick(bench);
-    bench_send(bench, 0, 0x705, "FF");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x002, "32 05"); /* SET_BOARD_ID */
+    bench_say(bench, 0, 0x705, "FF");
     assert_int_equal(bench->count[0], 1);
     assert_int_equal(bench->frame[0][0].id >> 4 & 0xf, 5);
     assert_int_equal(bench->frame[0][0].node, 1);
 }
 
-TEST_WITH(frames_show_what_was_sampled_whatever_the_sensors_do_afterwards, bench_configured,
-          bench_tear_down)
+TEST_ON(frames_show_what_was_sampled_whatever_the_sensors_do_afterwards, bench_configure, bench)
 {
-    struct board_bench *bench = *test_state;
     const struct bus_frame *frame;
 
     bench->board[0].transmit_at_start = true;
@@ -80,10 +70,9 @@ TEST_WITH(frames_show_what_was_sampled_whatever_the_sensors_do_afterwards, bench
 }
 
 /* A frame at the beginning of a tick, a fault that is seen in it. */
-TEST_WITH(events_bear_the_time_of_their_phase, bench_set_up, bench_tear_down)
+TEST_ON(events_bear_the_time_of_their_phase, bench_open, bench)
 {
     struct board_event event;
-    struct board_bench *bench = *test_state;
 
     bench_ticks(bench, 5);
     bench_send(bench, 0, 0x001, "6B");
@@ -97,10 +86,8 @@ TEST_WITH(events_bear_the_time_of_their_phase, bench_set_up, bench_tear_down)
     assert_int_equal(event.time_ns, 6000000);
 }
 
-TEST_WITH(a_board_boots_by_the_time_of_its_caller, bench_configured, bench_tear_down)
+TEST_ON(a_board_boots_by_the_time_of_its_caller, bench_configure, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->board[0].transmit_at_start = true;
     bench->board[0].boot_ns = 10000000;
     bench_start(bench);

@@ -16,15 +16,6 @@ static void start(struct board_bench *bench)
     bench_ticks(bench, 8);
 }
 
-FIXTURE(set_up)
-{
-    static struct board_bench bench;
-
-    start(&bench);
-    *test_state = &bench;
-    return 0;
-}
-
 static void set(struct board_bench *bench, unsigned tec, unsigned rec, bool bus_off)
 {
     const struct board_can_state can = {.tec = tec, .rec = rec, .bus_off = bus_off};
@@ -32,10 +23,10 @@ static void set(struct board_bench *bench, unsigned tec, unsigned rec, bool bus_
     boards_set_can_state(bench->boards, 0, &can);
 }
 
-TEST_WITH(status_tells_a_new_state_once_and_at_once, set_up, bench_tear_down)
-{
-    struct board_bench *bench = *test_state;
+BENCH(start, struct board_bench, bench_stop)
 
+TEST_ON(status_tells_a_new_state_once_and_at_once, start, bench)
+{
     set(bench, 95, 95, false); /* nothing to tell before its time */
     assert_null(bench_next_status(bench));
     set(bench, 95, 96, false);
@@ -51,12 +42,11 @@ TEST_WITH(status_tells_a_new_state_once_and_at_once, set_up, bench_tear_down)
 }
 
 /* Hosts add up bytes 6 and 7 as signed numbers; what they get is the counter. */
-TEST_WITH(error_bytes_add_up_to_the_counters, set_up, bench_tear_down)
+TEST_ON(error_bytes_add_up_to_the_counters, start, bench)
 {
     static const struct {
         unsigned tec, rec;
     } steps[] = {{8, 1}, {16, 9}, {250, 135}, {250, 135}, {0, 127}, {0, 0}, {0, 0}};
-    struct board_bench *bench = *test_state;
     int tec = 0, rec = 0;
 
     for (size_t i = 0; i < sizeof steps / sizeof *steps; i++) {
@@ -75,10 +65,8 @@ TEST_WITH(error_bytes_add_up_to_the_counters, set_up, bench_tear_down)
     assert_int_equal(rec, 0);
 }
 
-TEST_WITH(bus_off_is_told_when_the_board_is_back, set_up, bench_tear_down)
+TEST_ON(bus_off_is_told_when_the_board_is_back, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     set(bench, 256, 0, true);
     bench_send(bench, 0, 0x001, "89 50");
     for (int i = 0; i < 10; i++) {
@@ -92,16 +80,13 @@ TEST_WITH(bus_off_is_told_when_the_board_is_back, set_up, bench_tear_down)
 
 static uint32_t foc_faults(struct board_bench *bench)
 {
-    bench_send(bench, 0, FOC_DESIRED_TARGETS_ID, "00 00");
-    bench_tick(bench);
+    bench_say(bench, 0, FOC_DESIRED_TARGETS_ID, "00 00");
     return get_u32_le(bench_find(bench, 0, 0x113)->data + 4);
 }
 
-TEST_WITH(a_2foc_tells_states_in_its_fault_bits_and_remembers_them, bench_configured,
-          bench_tear_down)
+TEST_ON(a_2foc_tells_states_in_its_fault_bits_and_remembers_them, bench_configure, bench)
 {
     static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_foc}};
-    struct board_bench *bench = *test_state;
     uint32_t was;
 
     bench->config.bus = buses;
@@ -186,59 +171,55 @@ static void pass(struct line *line)
     set(&line->bench, stats.tec, stats.rec, stats.state == WIRE_BUS_OFF);
 }
 
-TEST(a_burst_of_errors_shows_in_status_until_the_counter_is_down)
+BENCH(begin, struct line, end)
+
+TEST_ON(a_burst_of_errors_shows_in_status_until_the_counter_is_down, begin, line)
 {
     const struct wire_fault burst = {
         .kind = WIRE_FAULT_CORRUPT, .node = 0, .probability = 1.0, .count = 20};
-    static struct line line;
     struct wire_node_stats stats;
 
-    begin(&line);
-    assert_true(wire_inject(line.wire, &burst) >= 0);
+    assert_true(wire_inject(line->wire, &burst) >= 0);
     for (int ms = 0; ms < 20; ms++) {
-        pass(&line);
+        pass(line);
     }
-    wire_node_stats(line.wire, 0, &stats);
+    wire_node_stats(line->wire, 0, &stats);
     assert_in_range(stats.tec_peak, 8 * 20, 255);
-    assert_int_equal(line.can_status, ICUB_CAN_TX_ERROR);
+    assert_int_equal(line->can_status, ICUB_CAN_TX_ERROR);
     for (int ms = 0; ms < 2000; ms++) {
-        pass(&line);
+        pass(line);
     }
     for (int i = 0; i < 3; i++) {
-        bench_send(&line.bench, 0, 0x001, i % 2 ? "09 09" : "09 50");
+        bench_send(&line->bench, 0, 0x001, i % 2 ? "09 09" : "09 50");
         for (int ms = 0; ms < 8; ms++) {
-            pass(&line);
+            pass(line);
         }
     }
-    wire_node_stats(line.wire, 0, &stats);
+    wire_node_stats(line->wire, 0, &stats);
     assert_int_equal(stats.tec, 0);
-    assert_int_equal(line.tec, 0);
-    end(&line);
+    assert_int_equal(line->tec, 0);
 }
 
-TEST(a_board_that_was_bus_off_says_so_after_its_recovery)
+TEST_ON(a_board_that_was_bus_off_says_so_after_its_recovery, begin, line)
 {
-    static struct line line;
     struct wire_node_stats stats;
     unsigned before;
 
-    begin(&line);
-    pass(&line);
-    wire_force_bus_off(line.wire, 0);
+    pass(line);
+    wire_force_bus_off(line->wire, 0);
     for (int ms = 0; ms < 20; ms++) {
-        pass(&line);
+        pass(line);
     }
-    wire_node_stats(line.wire, 0, &stats);
+    wire_node_stats(line->wire, 0, &stats);
     assert_int_equal(stats.bus_offs, 1);
     assert_int_equal(stats.state, WIRE_ERROR_ACTIVE);
-    assert_true(line.can_status & ICUB_CAN_BUS_OFF);
-    before = line.status_seen;
-    line.can_status = 0;
-    bench_send(&line.bench, 0, 0x001, "09 50");
+    assert_true(line->can_status & ICUB_CAN_BUS_OFF);
+    before = line->status_seen;
+    line->can_status = 0;
+    bench_send(&line->bench, 0, 0x001, "09 50");
     for (int ms = 0; ms < 20; ms++) {
-        pass(&line);
+        pass(line);
     }
-    assert_true(line.status_seen > before);
-    assert_int_equal(line.can_status, 0);
-    end(&line);
+    assert_true(line->status_seen > before);
+    assert_int_equal(line->can_status, 0);
 }

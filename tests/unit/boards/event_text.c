@@ -5,11 +5,10 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-TEST_WITH(events_read_as_sentences, bench_set_up, bench_tear_down)
+TEST_ON(events_read_as_sentences, bench_open, bench)
 {
     char text[256];
     struct board_event event;
-    struct board_bench *bench = *test_state;
 
     bench_ticks(bench, 1500);
     bench_send(bench, 0, 0x001, "89 50");
@@ -33,7 +32,7 @@ TEST_WITH(events_read_as_sentences, bench_set_up, bench_tear_down)
     assert_non_null(strstr(text, "arm 1 (bus 1, address 1): unknown command 0x6b (id 0x001)"));
 }
 
-TEST_WITH(every_kind_of_event_has_its_sentence, bench_set_up, bench_tear_down)
+TEST_ON(every_kind_of_event_has_its_sentence, bench_open, bench)
 {
     static const struct {
         struct board_event event;
@@ -70,7 +69,6 @@ TEST_WITH(every_kind_of_event_has_its_sentence, bench_set_up, bench_tear_down)
          "axis 1 is too hot: 70.5 degree C"},
     };
     char text[256];
-    struct board_bench *bench = *test_state;
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const char *what;
@@ -84,10 +82,9 @@ TEST_WITH(every_kind_of_event_has_its_sentence, bench_set_up, bench_tear_down)
     assert_int_equal(strlen(text), 9);
 }
 
-TEST_WITH(events_that_nobody_reads_are_counted_as_lost, bench_set_up, bench_tear_down)
+TEST_ON(events_that_nobody_reads_are_counted_as_lost, bench_open, bench)
 {
     struct board_event event;
-    struct board_bench *bench = *test_state;
     int read = 0;
 
     for (int i = 0; i < 3000; i++) {
@@ -128,12 +125,11 @@ static void *read_events(void *argument)
     return NULL;
 }
 
-TEST_WITH(another_thread_reads_events_while_the_loop_runs, bench_set_up, bench_tear_down)
+TEST_ON(another_thread_reads_events_while_the_loop_runs, bench_open, bench)
 {
     static const uint8_t unknown[] = {0x00, 0x01, 0x02, 0x35, 0x36, 0x38, 0x3b, 0x6b, 0x7b, 0x7f};
     struct reader reader = {.in_order = true};
     pthread_t thread;
-    struct board_bench *bench = *test_state;
 
     reader.boards = bench->boards;
     assert_int_equal(pthread_create(&thread, NULL, read_events, &reader), 0);

@@ -79,8 +79,7 @@ TEST(everything_sent_is_in_the_list)
                 bench_send(&bench, 0, 0x209, "34 7F 80 01");
                 bench_send(&bench, 0, 0x209, "35 01");
             }
-            bench_send(&bench, 0, 0x10f, "00 00 00 00 00 00 00 00");
-            bench_tick(&bench);
+            bench_say(&bench, 0, 0x10f, "00 00 00 00 00 00 00 00");
             for (size_t i = 0; i < bench.count[0]; i++) {
                 const struct bus_frame *frame = &bench.frame[0][i];
                 size_t k = 0;

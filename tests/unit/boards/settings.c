@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Settings of axes beside the bus: the same values and ranges as over it, for all that boards
  * speak. */
-#include "boards/foc/protocol.h"
 #include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
 
@@ -33,14 +32,12 @@ static bool set(struct board_bench *bench, size_t board, size_t axis, const char
     return boards_set(bench->boards, board, axis, find(bench, board, axis, name, &setting), value);
 }
 
-TEST_WITH(icub_boards_have_what_the_host_sets, bench_set_up, bench_tear_down)
+TEST_ON(icub_boards_have_what_the_host_sets, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
     uint64_t changes;
 
     changes = boards_settings_changes(bench->boards);
-    bench_send(bench, 0, 0x001, "D2 10 00 20 00 30 00 04"); /* SET_POSITION_PID, axis 1 */
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "D2 10 00 20 00 30 00 04"); /* SET_POSITION_PID, axis 1 */
     assert_true(boards_settings_changes(bench->boards) > changes);
     assert_true(get(bench, 0, 1, "position_kp") == 0x10);
     assert_true(get(bench, 0, 1, "position_ki") == 0x20);
@@ -55,34 +52,29 @@ TEST_WITH(icub_boards_have_what_the_host_sets, bench_set_up, bench_tear_down)
     assert_true(get(bench, 0, 1, "position_kp") == -32768.0);
 }
 
-TEST_WITH(voltages_are_no_settings, bench_set_up, bench_tear_down)
+TEST_ON(voltages_are_no_settings, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
     uint64_t changes;
 
     changes = boards_settings_changes(bench->boards);
     for (int i = 0; i < 10; i++) {
-        bench_send(bench, 0, 0x001, i & 1 ? "72 10 00" : "F2 10 00"); /* SET_OPEN_LOOP */
-        bench_tick(bench);
+        bench_say(bench, 0, 0x001, i & 1 ? "72 10 00" : "F2 10 00"); /* SET_OPEN_LOOP */
     }
     assert_int_equal(boards_settings_changes(bench->boards), changes);
 }
 
-TEST_WITH(spare_axes_and_sensors_have_none, bench_set_up, bench_tear_down)
+TEST_ON(spare_axes_and_sensors_have_none, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     assert_true(boards_settings(bench->boards, 0, 0) > 10);
     assert_int_equal(boards_settings(bench->boards, 1, 1), 0);
     assert_int_equal(boards_settings(bench->boards, 2, 0), 0);
     assert_int_equal(boards_settings(bench->boards, 3, 0), 0);
 }
 
-TEST_WITH(foc_gains_are_the_same_however_they_were_set, bench_configured, bench_tear_down)
+TEST_ON(foc_gains_are_the_same_however_they_were_set, bench_configure, bench)
 {
     static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_foc},
                                                                 {.protocol = &protocol_icub}};
-    struct board_bench *bench = *test_state;
 
     bench->board[0] = bench_motor("hip", 0, 1, 0, -1);
     bench->board[1] = bench_motor("knee", 0, 3, 1, -1);
@@ -93,8 +85,7 @@ TEST_WITH(foc_gains_are_the_same_however_they_were_set, bench_configured, bench_
     bench->config.bus = buses;
     bench_start(bench);
     bench_send(bench, 0, 0x001, "5B 01 06");
-    bench_send(bench, 0, 0x001, "65 92 00 E3 00 00 00 0F"); /* mantissas 146 and 227, shift 15 */
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "65 92 00 E3 00 00 00 0F"); /* mantissas 146 and 227, shift 15 */
     assert_true(get(bench, 0, 0, "current_kp") == 146.0 / 32768.0);
     assert_true(get(bench, 0, 0, "current_ki") == 227.0 / 32768.0);
     /* one of them anew leaves the other */

@@ -6,7 +6,6 @@
  * have passed, nothing drifts.
  */
 #include "base/array.h"
-#include "boards/foc/protocol.h"
 #include "boards/protocol_list.h"
 #include "tests/protocol_file.h"
 #include "tests/unit/boards/board_bench.h"
@@ -32,8 +31,7 @@ static void start_foc(struct board_bench *bench, int64_t tick_ns)
     bench->config.bus = foc_bus;
     bench->config.tick_ns = tick_ns;
     bench_start(bench);
-    bench_send(bench, 0, 0x001, "5B 01 06");
-    bench_send(bench, 0, 0x001, "77 01 00 10 00 00 0E");
+    bench_send(bench, 0, 0x001, "5B 01 06; 77 01 00 10 00 00 0E");
     bench_send(bench, 0, 0x001, "48 00 A0 0F 40 1F 20 4E"); /* 4, 8 and 20 A */
     bench_send(bench, 0, 0x001, "65 00 00 00 08 00 00 0F"); /* v += (e + e') / 32 */
 }
@@ -120,8 +118,7 @@ static double ms_to_trip(struct board_bench *bench, double current_a, uint32_t i
     boards_sample(bench->boards, bench->now_ns, &bench->sensors);
     while (bench_counters(bench).trips == before) {
         assert_true(bench->now_ns - from_ns < 10000 * MS);
-        bench_send(bench, 0, id, hex);
-        bench_tick(bench);
+        bench_say(bench, 0, id, hex);
     }
     return (double)(bench->now_ns - from_ns) / (double)MS;
 }
@@ -137,20 +134,17 @@ TEST(an_over_current_trips_at_its_time_whatever_the_tick)
         bench.config.tick_ns = ticks_ns[t];
         bench_start(&bench);
         bench_send(&bench, 0, 0x001, "48 E8 03 00 00"); /* 1 A */
-        bench_send(&bench, 0, 0x001, "09 50");
-        bench_tick(&bench);
+        bench_say(&bench, 0, 0x001, "09 50");
         assert_near(ms_to_trip(&bench, 1.05, 0x001, "72 00 00"), 10.0 / 0.1025, tick_ms + 1.0);
         bench_stop(&bench);
 
         start_compact(&bench, ticks_ns[t]);
-        bench_send(&bench, 0, 0x020, "01 03 00 00 00");
-        bench_tick(&bench);
+        bench_say(&bench, 0, 0x020, "01 03 00 00 00");
         assert_near(ms_to_trip(&bench, 1.05 * 12.0, 0x040, "00 00"), 10.0 / 0.1025, tick_ms + 1.0);
         bench_stop(&bench);
 
         start_foc(&bench, ticks_ns[t]);
-        bench_send(&bench, 0, 0x001, "09 50");
-        bench_tick(&bench);
+        bench_say(&bench, 0, 0x001, "09 50");
         assert_near(ms_to_trip(&bench, 12.0, 0x10f, "00 00"), 3840.0, tick_ms + 1.0);
         bench_stop(&bench);
     }
@@ -178,8 +172,7 @@ TEST(integrals_grow_with_time_whatever_the_tick)
         for (from_ns = bench.now_ns; bench.now_ns < from_ns + 13 * MS;) {
             double n, per_mille;
 
-            bench_send(&bench, 0, 0x10f, "E8 03");
-            bench_tick(&bench);
+            bench_say(&bench, 0, 0x10f, "E8 03");
             n = steps_since(&bench, from_ns);
             per_mille = n > 0.0 ? floor((2.0 * n - 1.0) * 1000.0 / 32.0) : 0.0;
             assert_near(bench.motor[0].voltage_v, per_mille * 1e-3 * SUPPLY_V, 1e-9);

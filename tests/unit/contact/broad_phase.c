@@ -2,11 +2,10 @@
 /* The broad phase, against each pair's balls by themselves. */
 #include "contact/broad_phase.h"
 
-#include <math.h>
-#include <stdbool.h>
-
 #include "tests/unit/contact/random_number.h"
 #include "tests/test.h"
+
+static struct error error;
 
 enum { SURFACES = 29, PAIRS = SURFACES * (SURFACES - 1) / 2 };
 
@@ -53,7 +52,6 @@ static bool pair_meets(const struct broad_balls *ball, const struct contact_pair
 static void walk(int body)
 {
     struct arena arena;
-    struct error error;
     struct broad_phase broad;
     uint64_t seed = 3, near[(PAIRS + 63) / 64];
     size_t met = 0;
@@ -99,11 +97,11 @@ TEST(half_spaces_that_move_are_found_too)
     walk(0);
 }
 
+CLOSED_BENCH(arena, struct arena, arena_fini)
+
 /* A long capsule that turns about its center comes near another with its end alone. */
-TEST(a_capsule_that_turns_is_found)
+TEST_ON(a_capsule_that_turns_is_found, arena, arena)
 {
-    struct arena arena;
-    struct error error;
     struct broad_phase broad;
     uint64_t near[1];
     int met = 0;
@@ -113,8 +111,8 @@ TEST(a_capsule_that_turns_is_found)
     }
     pair[0] = (struct contact_pair){.a = 0, .b = 1};
     config.npair = 1;
-    assert_ok(arena_init(&arena, 1 << 20, &error));
-    assert_ok(broad_phase_make(&config, &arena, &broad, &error));
+    assert_ok(arena_init(arena, 1 << 20, &error));
+    assert_ok(broad_phase_make(&config, arena, &broad, &error));
     for (int i = 0; i < 2; i++) {
         broad.ball.x[i] = 0.8 * i;
         broad.ball.y[i] = broad.ball.z[i] = 0;
@@ -129,13 +127,10 @@ TEST(a_capsule_that_turns_is_found)
         met += (int)near[0];
     }
     assert_true(met > 100);
-    arena_fini(&arena);
 }
 
-TEST(long_capsules_side_by_side_are_apart_though_their_balls_meet)
+TEST_ON(long_capsules_side_by_side_are_apart_though_their_balls_meet, arena, arena)
 {
-    struct arena arena;
-    struct error error;
     struct broad_phase broad;
     uint64_t near[(PAIRS + 63) / 64];
 
@@ -144,8 +139,8 @@ TEST(long_capsules_side_by_side_are_apart_though_their_balls_meet)
     }
     pair[0] = (struct contact_pair){.a = 0, .b = 1};
     config.npair = 1;
-    assert_ok(arena_init(&arena, 1 << 20, &error));
-    assert_ok(broad_phase_make(&config, &arena, &broad, &error));
+    assert_ok(arena_init(arena, 1 << 20, &error));
+    assert_ok(broad_phase_make(&config, arena, &broad, &error));
     for (int i = 0; i < 2; i++) {
         broad.ball.x[i] = 0.3 * i;
         broad.ball.y[i] = broad.ball.z[i] = 0;
@@ -157,13 +152,10 @@ TEST(long_capsules_side_by_side_are_apart_though_their_balls_meet)
     broad.ball.x[1] = 0.19;
     broad_phase_find(&broad, near);
     assert_int_equal(near[0], 1);
-    arena_fini(&arena);
 }
 
-TEST(a_pair_with_a_slack_is_near_when_it_overlaps_by_more)
+TEST_ON(a_pair_with_a_slack_is_near_when_it_overlaps_by_more, arena, arena)
 {
-    struct arena arena;
-    struct error error;
     struct broad_phase broad;
     uint64_t near[(PAIRS + 63) / 64];
 
@@ -172,8 +164,8 @@ TEST(a_pair_with_a_slack_is_near_when_it_overlaps_by_more)
     }
     pair[0] = (struct contact_pair){.a = 0, .b = 1, .slack_m = 0.05};
     config.npair = 1;
-    assert_ok(arena_init(&arena, 1 << 20, &error));
-    assert_ok(broad_phase_make(&config, &arena, &broad, &error));
+    assert_ok(arena_init(arena, 1 << 20, &error));
+    assert_ok(broad_phase_make(&config, arena, &broad, &error));
 
     /* Radii of 0.1 each: they meet at 0.15 and not at 0.2, however they come there */
     for (int i = 0; i < 1000; i++) {
@@ -186,7 +178,6 @@ TEST(a_pair_with_a_slack_is_near_when_it_overlaps_by_more)
         broad_phase_find(&broad, near);
         assert_int_equal(near[0], broad.ball.x[1] < 0.15);
     }
-    arena_fini(&arena);
 }
 
 /* ---- the list, which is kept until a surface has moved too far ---- */
@@ -208,8 +199,6 @@ static void place_two(struct broad_phase *broad, int k, double distance)
 static void make_two(enum contact_shape first, int body, struct arena *arena,
                      struct broad_phase *broad)
 {
-    struct error error;
-
     for (int i = 2; i < SURFACES; i++) {
         surface[i] = (struct contact_surface){.shape = CONTACT_SPHERE};
     }
@@ -343,13 +332,12 @@ TEST(a_leaning_capsule_is_near_a_plane_when_its_end_is)
     }
 }
 
-TEST(a_half_space_that_rises_to_a_ball_is_found)
+TEST_ON(a_half_space_that_rises_to_a_ball_is_found, arena, arena)
 {
-    struct arena arena;
     struct broad_phase broad;
     uint64_t near[1];
 
-    make_two(CONTACT_HALF_SPACE, 0, &arena, &broad);
+    make_two(CONTACT_HALF_SPACE, 0, arena, &broad);
     broad.ball.x[0] = broad.ball.y[0] = broad.ball.x[1] = broad.ball.y[1] = 0;
     broad.ball.z[0] = broad.ball.z[1] = 1;
     broad.ball.reach[1] = broad.capsule[1].radius = 0.1;
@@ -358,17 +346,13 @@ TEST(a_half_space_that_rises_to_a_ball_is_found)
         broad_phase_find(&broad, near);
         assert_int_equal(near[0], height > 0.9);
     }
-    arena_fini(&arena);
 }
 
-TEST(without_memory_it_is_not_made)
+TEST_ON(without_memory_it_is_not_made, arena, arena)
 {
-    struct arena arena;
-    struct error error;
     struct broad_phase broad;
 
     make_pairs(-1);
-    assert_ok(arena_init(&arena, 4096, &error));
-    assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_MEMORY);
-    arena_fini(&arena);
+    assert_ok(arena_init(arena, 4096, &error));
+    assert_int_equal(broad_phase_make(&config, arena, &broad, &error), ERROR_MEMORY);
 }

@@ -2,9 +2,6 @@
 /* Configurations and motions that every contact engine refuses. */
 #include "contact/contact.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "tests/physics/contact_scene.h"
 #include "tests/test.h"
 

@@ -3,8 +3,6 @@
 #include "base/array.h"
 #include "contact/friction_slope.h"
 
-#include <math.h>
-
 #include "tests/physics/near.h"
 #include "tests/test.h"
 

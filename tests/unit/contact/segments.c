@@ -2,8 +2,6 @@
 /* The distance of two straight pieces, against the least over a grid of places on both. */
 #include "contact/segments.h"
 
-#include <math.h>
-
 #include "tests/physics/near.h"
 #include "tests/unit/contact/random_number.h"
 #include "tests/test.h"

@@ -5,12 +5,11 @@
  */
 #include "contact/tangent.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "tests/physics/contact_scene.h"
 #include "tests/physics/near.h"
 #include "tests/test.h"
+
+static struct error error;
 
 enum { ELEMENTS = 5 };
 
@@ -117,7 +116,6 @@ TEST(simbody_says_how_a_flat_box_resists)
     struct body_motion motion;
     struct contact_wrench wrench;
     struct contact_tangent tangent;
-    struct error error;
     double change[6], K[6][6], D[6][6];
 
     scene_init(&scene, 1);
@@ -155,7 +153,6 @@ TEST(simbody_says_how_a_sphere_resists)
     struct body_motion motion;
     struct contact_wrench wrench;
     struct contact_tangent tangent;
-    struct error error;
     double change[6], K[6][6], D[6][6];
 
     scene_init(&scene, 1);

@@ -2,8 +2,7 @@
 /* The table of faults: windows, switching by hand, events, names. */
 #include "tests/unit/faults/lines.h"
 
-#include <stdio.h>
-#include <string.h>
+static struct error error;
 
 struct bench {
     struct arena arena;
@@ -16,7 +15,6 @@ FIXTURE(set_up)
     const struct fault fault[] = {parse("motor LKneeSag jam 2..2.5"),
                                   parse("lossy: bus left_leg loss 0.1 manual"),
                                   parse("sensor imu off 0..0.001")};
-    struct error error;
 
     assert_ok(arena_init(&bench.arena, 1 << 20, &error));
     assert_ok(faults_create(fault, 3, 7, &bench.arena, &bench.faults, &error));
@@ -103,7 +101,6 @@ TEST_WITH(a_run_may_have_no_faults, set_up, tear_down)
     struct bench *bench = *test_state;
     struct fault_event event;
     struct faults *faults;
-    struct error error;
 
     assert_ok(faults_create(NULL, 0, 7, &bench->arena, &faults, &error));
     assert_int_equal(faults_count(faults), 0);
@@ -119,7 +116,6 @@ TEST_WITH(refuses_the_number_of_another_fault_as_a_name, set_up, tear_down)
     const struct fault fault[] = {parse("a: motor LKneeSag jam"), parse("3: motor LHipSag jam"),
                                   parse("motor LHipSag jam")};
     struct faults *faults;
-    struct error error;
 
     assert_ok(faults_create(fault, 2, 7, &bench->arena, &faults, &error));
     assert_int_equal(faults_find(faults, "a"), 0);
@@ -132,7 +128,6 @@ TEST_WITH(refuses_one_name_twice, set_up, tear_down)
     struct bench *bench = *test_state;
     const struct fault fault[] = {parse("a: motor LKneeSag jam"), parse("a: motor LHipSag jam")};
     struct faults *faults;
-    struct error error;
 
     assert_int_equal(faults_create(fault, 2, 7, &bench->arena, &faults, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "name a again"));

@@ -2,9 +2,6 @@
 /* Lines of faults as people write them, right and wrong. */
 #include "tests/unit/faults/lines.h"
 
-#include <stdio.h>
-#include <string.h>
-
 static void assert_refused(const char *text, enum error_code code, const char *message)
 {
     struct fault fault;

@@ -2,9 +2,6 @@
 /* The law of couplings, and the system of their forces against a dense solution of the whole. */
 #include "model/coupling.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "tests/physics/near.h"
 #include "tests/test.h"
 

@@ -9,21 +9,17 @@
 #include "tests/unit/model/random_robot.h"
 #include "tests/test.h"
 
-#include <stdio.h>
+static struct error error;
 
 enum { TREES = 100, MAX_BODIES = RANDOM_JOINTS + 1, MAX_V = RANDOM_JOINTS + 6 };
 
 static void make(const struct robot *robot, struct dynamics *d)
 {
-    struct error error;
-
     assert_no_error(dynamics_generic(robot, &arena, d, &error), error.text);
 }
 
 static void finish(struct robot *robot)
 {
-    struct error error;
-
     assert_no_error(robot_finish(robot, &error), error.text);
 }
 

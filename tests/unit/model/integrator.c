@@ -2,8 +2,6 @@
 /* Runge-Kutta 4 against closed solutions: order, exactness, and that it stays in its scratch. */
 #include "model/integrator.h"
 
-#include <math.h>
-
 #include "tests/physics/near.h"
 #include "tests/test.h"
 

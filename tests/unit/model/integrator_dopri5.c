@@ -2,8 +2,6 @@
 /* The adaptive scheme against closed solutions: accuracy as asked, failure when it must. */
 #include "model/integrator.h"
 
-#include <math.h>
-
 #include "tests/physics/near.h"
 #include "tests/test.h"
 

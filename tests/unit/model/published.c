@@ -4,11 +4,6 @@
 #include "base/array.h"
 #include "tests/unit/model/coman.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
 static const struct robot *robot;
 
 /* Unit vectors are made so when a file is read: published ones have nine digits. */

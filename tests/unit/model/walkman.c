@@ -6,8 +6,6 @@
 #include "tests/physics/near.h"
 #include "tests/test.h"
 
-#include <string.h>
-
 enum { NUMBERS = 64 };
 
 static struct arena arena;

@@ -7,8 +7,6 @@
 #include "tests/unit/rig/rig_bench.h"
 #include "tests/test.h"
 
-#include <math.h>
-
 /* ---- what a bus speaks ---- */
 
 TEST_WITH(a_bus_says_how_its_real_interface_is_set, open_rig_tree, close_rig_tree)

@@ -2,8 +2,6 @@
 /* Bodies of a rig's scene: what becomes of good ones, and where bad ones are wrong. */
 #include "rig/rig.h"
 
-#include <math.h>
-
 #include "tests/unit/rig/rig_bench.h"
 #include "tests/test.h"
 

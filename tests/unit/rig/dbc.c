@@ -4,10 +4,6 @@
 
 #include "tests/unit/rig/rig_bench.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 enum { LEFT_LEG = 1, HOST = 0, SIMULATOR = 1, FIRST_BOARD = 2 };
 
 static const struct rig *rig;

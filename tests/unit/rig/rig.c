@@ -3,8 +3,6 @@
 #include "rig/rig.h"
 #include "rt/recording/recorder.h"
 
-#include <math.h>
-
 #include "tests/unit/rig/rig_bench.h"
 #include "tests/test.h"
 

@@ -2,9 +2,6 @@
 /* Rigs that extend others, change springs, and hold the base. */
 #include "rig/rig.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "base/vec3.h"
 #include "model/dynamics.h"
 #include "tests/physics/near.h"

@@ -2,8 +2,6 @@
 /* The robot's capsules in a rig: which surfaces and pairs they make, and what is refused. */
 #include "rig/rig.h"
 
-#include <math.h>
-
 #include "tests/unit/rig/rig_bench.h"
 #include "tests/test.h"
 

@@ -3,8 +3,6 @@
  * wrong. */
 #include "rig/rig.h"
 
-#include <math.h>
-
 #include "tests/unit/rig/rig_bench.h"
 #include "tests/test.h"
 

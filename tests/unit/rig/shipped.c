@@ -10,9 +10,6 @@
 
 #include <dirent.h>
 #include <inttypes.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "tests/test.h"
 #include "tests/unit/arena_fixture.h"

@@ -6,8 +6,6 @@
 #include "canbus/port.h"
 #include "canbus/wire/wire.h"
 
-#include <string.h>
-
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/canbus/numbered_frames.h"
 #include "tests/test.h"

@@ -6,10 +6,6 @@
 #include "base/vec3.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 enum { POINTS = 4 };
 
 static const struct contact_shown foot = {.signal = 2, .body = 1};

@@ -7,8 +7,6 @@
 #include "model/plant.h"
 #include "tests/rig_run.h"
 
-#include <string.h>
-
 static struct arena arena;
 static struct rig rig;
 

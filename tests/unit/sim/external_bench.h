@@ -16,10 +16,6 @@
 #include "tests/rig_run.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 enum { MS_NS = 1000000, BUS = 1, BOARDS_MAX = 64, TIMEOUT_MS = 20 };
 
 struct bench {

@@ -8,9 +8,6 @@
 
 #include "rt/requests.h"
 
-#include <stdlib.h>
-#include <unistd.h>
-
 enum { TICKS = 4000, TICK_FRAMES = 8, AT = 3000, SPAN = 200 };
 
 /* What the real board sent, and where its rotor was, before each tick. */

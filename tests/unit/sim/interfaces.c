@@ -7,8 +7,6 @@
 #include "tests/test.h"
 
 #include <net/if_arp.h>
-#include <stdio.h>
-#include <string.h>
 
 #define SECOND INT64_C(1000000000)
 

@@ -8,10 +8,6 @@
 #include "tests/rig_run.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 enum { LEFT_LEG = 1, FRAMES = 8 };
 
 #define DEGREE (M_PI / 180.0)

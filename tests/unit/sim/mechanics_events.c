@@ -4,9 +4,6 @@
 
 #include "model/spatial.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "tests/physics/toy.h"
 #include "tests/test.h"
 

@@ -9,10 +9,6 @@
 #include "tests/rig_run.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 enum { TICKS = 40, BODIES = 3 };
 
 #define TICK_S 1e-3
@@ -28,15 +24,13 @@ struct bench {
 
 /* COMAN, held, and three bodies that fall without touching anything: the second turns about its x,
  * the third keeps an attitude of its own. */
-FIXTURE(open_bench)
+static inline void open_bench(struct bench *bench)
 {
     static const char *const names[BODIES] = {"ball", "crate", "plank"};
-    static struct bench bench;
 
-    memset(&bench, 0, sizeof bench);
-    rig_run_load("coman", &bench.arena, &bench.rig);
+    rig_run_load("coman", &bench->arena, &bench->rig);
     for (int i = 0; i < BODIES; i++) {
-        bench.body[i] = (struct plant_free_body){
+        bench->body[i] = (struct plant_free_body){
             .name = names[i],
             .inertia = {.mass = 1.0 + i, .I = {1.0, 0.0, 0.0, 2.0, 0.0, 3.0}},
             .position = {3.0 + i, -2.0 * i, 5.0 + 0.5 * i},
@@ -44,30 +38,25 @@ FIXTURE(open_bench)
             .v = {0.5 * i, 1.0 - i, 2.0 * i},
         };
     }
-    bench.body[1].w[0] = 4.0;
-    memcpy(bench.body[2].quaternion, (double[]){0.5, -0.5, 0.5, 0.5}, 4 * sizeof(double));
-    bench.rig.free = bench.body;
-    bench.rig.nfree = BODIES;
-    bench.config = (struct simulator_config){.rig = &bench.rig,
-                                             .clock = LOOP_CLOCK_FREE,
-                                             .requests = true,
-                                             .hold = RIG_HOLD_ALWAYS,
-                                             .transport = TRANSPORT_LOCAL,
-                                             .ticks = TICKS,
-                                             .row_period_ns = bench.rig.tick_ns};
-    bench.simulator = rig_run_open(&bench.config, &bench.arena, NULL);
-    stream_want(simulator_stream(bench.simulator), 1);
-    assert_int_equal(simulator_run(bench.simulator), LOOP_END_LENGTH);
-    *test_state = &bench;
-    return 0;
+    bench->body[1].w[0] = 4.0;
+    memcpy(bench->body[2].quaternion, (double[]){0.5, -0.5, 0.5, 0.5}, 4 * sizeof(double));
+    bench->rig.free = bench->body;
+    bench->rig.nfree = BODIES;
+    bench->config = (struct simulator_config){.rig = &bench->rig,
+                                              .clock = LOOP_CLOCK_FREE,
+                                              .requests = true,
+                                              .hold = RIG_HOLD_ALWAYS,
+                                              .transport = TRANSPORT_LOCAL,
+                                              .ticks = TICKS,
+                                              .row_period_ns = bench->rig.tick_ns};
+    bench->simulator = rig_run_open(&bench->config, &bench->arena, NULL);
+    stream_want(simulator_stream(bench->simulator), 1);
+    assert_int_equal(simulator_run(bench->simulator), LOOP_END_LENGTH);
 }
 
-FIXTURE(close_bench)
+static inline void close_bench(struct bench *bench)
 {
-    struct bench *bench = *test_state;
-
     rig_run_close(bench->simulator, &bench->arena, NULL);
-    return 0;
 }
 
 /* The value of a signal, its name in two parts. */
@@ -100,10 +89,11 @@ static void body_pose(const struct plant_free_body *body, double t, double pose[
     pose[6] = q[3];
 }
 
-TEST_WITH(rows_have_every_body_in_its_columns, open_bench, close_bench)
+BENCH(open_bench, struct bench, close_bench)
+
+TEST_ON(rows_have_every_body_in_its_columns, open_bench, bench)
 {
     static const char *const columns[7] = {"_x_m", "_y_m", "_z_m", "_qw", "_qx", "_qy", "_qz"};
-    const struct bench *bench = *test_state;
     struct stream *stream = simulator_stream(bench->simulator);
     const struct stream_row *row;
     int rows = 0;
@@ -130,11 +120,10 @@ TEST_WITH(rows_have_every_body_in_its_columns, open_bench, close_bench)
     assert_int_equal(rows, TICKS);
 }
 
-TEST_WITH(rows_have_joints_base_and_buses_in_their_columns, open_bench, close_bench)
+TEST_ON(rows_have_joints_base_and_buses_in_their_columns, open_bench, bench)
 {
     static const char *const base[7] = {"base_x_m", "base_y_m", "base_z_m", "base_qw",
                                         "base_qx",  "base_qy",  "base_qz"};
-    const struct bench *bench = *test_state;
     const struct plant_sensors *sensors = plant_sensors(simulator_plant(bench->simulator));
     const struct stream_row *row = NULL;
     struct simulator_status status;
@@ -172,9 +161,8 @@ TEST_WITH(rows_have_joints_base_and_buses_in_their_columns, open_bench, close_be
 }
 
 /* Every counter has a value of its own, so that none can stand for another. */
-TEST_WITH(the_status_has_every_counter_in_its_field, open_bench, close_bench)
+TEST_ON(the_status_has_every_counter_in_its_field, open_bench, bench)
 {
-    const struct bench *bench = *test_state;
     const struct loop_stats *ran = simulator_stats(bench->simulator);
     struct simulator_status status;
     struct loop_stats stats = *ran;
@@ -215,9 +203,8 @@ TEST_WITH(the_status_has_every_counter_in_its_field, open_bench, close_bench)
 }
 
 /* The same of what comes from elsewhere: buses, contact, clamp, faults, free bodies. */
-TEST_WITH(the_status_has_the_buses_and_bodies_in_their_places, open_bench, close_bench)
+TEST_ON(the_status_has_the_buses_and_bodies_in_their_places, open_bench, bench)
 {
-    const struct bench *bench = *test_state;
     const struct loop_stats *stats = simulator_stats(bench->simulator);
     struct simulator_status status;
 

@@ -7,8 +7,6 @@
 #include "tests/tunables.h"
 #include "tests/unit/sim/robot_requests_scene.h"
 
-#include <math.h>
-#include <stdlib.h>
 #include <unistd.h>
 
 /* A script: what happens before each tick. */

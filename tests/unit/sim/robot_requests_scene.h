@@ -10,9 +10,6 @@
 #include "tests/rig_run.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-#include <string.h>
-
 enum { TICKS_MAX = 4000, FAULTS = 8 };
 
 struct scene {

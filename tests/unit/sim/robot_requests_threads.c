@@ -14,8 +14,6 @@
 #include <pthread.h>
 #include <sched.h>
 #include <stdatomic.h>
-#include <stdio.h>
-#include <string.h>
 
 enum { ROUNDS = 120, KINDS = REQUEST_SET + 1 };
 

@@ -7,9 +7,6 @@
 #include "sim/stimulus.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 static struct arena arena;

@@ -7,8 +7,6 @@
 #include "tasks/task.h"
 #include "tests/unit/sim/robot_requests_scene.h"
 
-#include <stdlib.h>
-
 struct trouble {
     struct witness w;
     int64_t at; /* tick of the push, 0 = none */

@@ -8,9 +8,6 @@
 #include "base/array.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <string.h>
-
 static const double omega = 4.8;
 
 /* ---- the divergent component of motion ---- */

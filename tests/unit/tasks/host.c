@@ -40,9 +40,8 @@ static void play(struct bench *bench, int bus, const struct bus_frame *frame)
     }
 }
 
-FIXTURE(set_up)
+static inline void set_up(struct bench *bench)
 {
-    static struct bench bench;
     static struct host_axis axis[2];
     static const struct host_ft ft[1] = {
         {.name = "foot", .bus = 0, .address = STRAIN, .period_ns = 5000000}};
@@ -56,7 +55,6 @@ FIXTURE(set_up)
         .period_ns = 1000000,
     };
 
-    memset(&bench, 0, sizeof bench);
     for (int k = 0; k < 2; k++) {
         axis[k] = (struct host_axis){
             .joint = k ? "knee" : "hip",
@@ -70,16 +68,14 @@ FIXTURE(set_up)
             .upper_rad = 2,
         };
     }
-    bench.play[0] = play;
-    bench_open(&bench, &config);
-    *test_state = &bench;
-    return 0;
+    bench->play[0] = play;
+    bench_open(bench, &config);
 }
 
-TEST_WITH(start_up_discovers_configures_and_enables, set_up, bench_tear_down)
-{
-    struct bench *bench = *test_state;
+BENCH(set_up, struct bench, bench_close)
 
+TEST_ON(start_up_discovers_configures_and_enables, set_up, bench)
+{
     assert_int_equal(start_up(bench, 100), HOST_READY);
     assert_int_equal(host_round_trip_ns(bench->host), bench->config.period_ns);
     assert_true(was_sent(bench, 0, 0x70f, 1, (const uint8_t[]){0xff}));
@@ -97,9 +93,8 @@ TEST_WITH(start_up_discovers_configures_and_enables, set_up, bench_tear_down)
 }
 
 /* Boards hear the bus once in five periods, a request goes out in the first of them */
-TEST_WITH(the_round_trip_is_the_shortest_to_an_answer, set_up, bench_tear_down)
+TEST_ON(the_round_trip_is_the_shortest_to_an_answer, set_up, bench)
 {
-    struct bench *bench = *test_state;
     enum host_phase phase = HOST_DISCOVERING;
 
     host_receive(bench->host, bench->now_ns);
@@ -117,19 +112,15 @@ TEST_WITH(the_round_trip_is_the_shortest_to_an_answer, set_up, bench_tear_down)
 }
 
 /* A bootloader that has been asked stays until it is told to go. */
-TEST_WITH(a_board_in_its_bootloader_is_sent_to_its_application, set_up, bench_tear_down)
+TEST_ON(a_board_in_its_bootloader_is_sent_to_its_application, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     motor_in_bootloader = true;
     assert_int_equal(start_up(bench, 10000), HOST_READY);
     assert_true(was_sent(bench, 0, 0x702, 1, (const uint8_t[]){0x04}));
 }
 
-TEST_WITH(a_silent_board_is_named, set_up, bench_tear_down)
+TEST_ON(a_silent_board_is_named, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->mute = true;
     assert_int_equal(start_up(bench, 10000), HOST_FAILED);
     assert_string_equal(
@@ -139,14 +130,13 @@ TEST_WITH(a_silent_board_is_named, set_up, bench_tear_down)
     assert_true(host_lost(bench->host));
 }
 
-TEST_WITH(a_lost_frame_does_not_stop_the_start_up, set_up, bench_tear_down)
+TEST_ON(a_lost_frame_does_not_stop_the_start_up, set_up, bench)
 {
-    check_start_up_without_each_frame(test_state, set_up);
+    check_start_up_without_each_frame(bench, set_up);
 }
 
-TEST_WITH(telemetry_is_scaled_to_si_units, set_up, bench_tear_down)
+TEST_ON(telemetry_is_scaled_to_si_units, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const struct host_force *force;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
@@ -165,10 +155,8 @@ TEST_WITH(telemetry_is_scaled_to_si_units, set_up, bench_tear_down)
     assert_true(force->torque_nm[0] == -20 && force->torque_nm[2] == 0);
 }
 
-TEST_WITH(a_quarter_of_the_supply_is_333_counts, set_up, bench_tear_down)
+TEST_ON(a_quarter_of_the_supply_is_333_counts, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     host_receive(bench->host, 0);
     host_set_voltage(bench->host, 0, 12);
     host_set_voltage(bench->host, 1, -480);
@@ -179,10 +167,8 @@ TEST_WITH(a_quarter_of_the_supply_is_333_counts, set_up, bench_tear_down)
     assert_true(was_sent(bench, 0, 0x002, 3, (const uint8_t[]){0xf2, 0xcb, 0xfa})); /* -1333 */
 }
 
-TEST_WITH(faults_and_silence_are_reported, set_up, bench_tear_down)
+TEST_ON(faults_and_silence_are_reported, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     assert_int_equal(start_up(bench, 100), HOST_READY);
     assert_true(host_healthy(bench->host));
     assert_false(host_lost(bench->host));
@@ -192,10 +178,8 @@ TEST_WITH(faults_and_silence_are_reported, set_up, bench_tear_down)
     assert_true(host_lost(bench->host));
 }
 
-TEST_WITH(an_over_current_fault_fails_the_host, set_up, bench_tear_down)
+TEST_ON(an_over_current_fault_fails_the_host, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     assert_int_equal(start_up(bench, 100), HOST_READY);
     say(bench, 0, 0x123, 8, (const uint8_t[]){0, 0x50, 0x08, 0xa0, 0, 0, 0, 0});
     host_receive(bench->host, bench->now_ns);
@@ -204,10 +188,8 @@ TEST_WITH(an_over_current_fault_fails_the_host, set_up, bench_tear_down)
     assert_false(host_lost(bench->host));
 }
 
-TEST_WITH(a_fault_without_a_bit_is_explained, set_up, bench_tear_down)
+TEST_ON(a_fault_without_a_bit_is_explained, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     assert_int_equal(start_up(bench, 100), HOST_READY);
     say(bench, 0, 0x123, 8, (const uint8_t[]){0, 0x50, 0, 0xa0, 0, 0, 0, 0});
     host_receive(bench->host, bench->now_ns);
@@ -216,10 +198,8 @@ TEST_WITH(a_fault_without_a_bit_is_explained, set_up, bench_tear_down)
         strstr(host_message(bench->host), "joint knee is in fault 0x00: a strict board"));
 }
 
-TEST_WITH(a_motor_that_goes_off_by_itself_fails_the_host, set_up, bench_tear_down)
+TEST_ON(a_motor_that_goes_off_by_itself_fails_the_host, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     assert_int_equal(start_up(bench, 100), HOST_READY);
     say(bench, 0, 0x123, 8, (const uint8_t[]){0, 0x00, 0, 0x50, 0, 0, 0, 0});
     host_receive(bench->host, bench->now_ns);
@@ -229,9 +209,8 @@ TEST_WITH(a_motor_that_goes_off_by_itself_fails_the_host, set_up, bench_tear_dow
     assert_true(host_lost(bench->host));
 }
 
-TEST_WITH(foreign_and_short_frames_change_nothing, set_up, bench_tear_down)
+TEST_ON(foreign_and_short_frames_change_nothing, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame odd = frame_make(0x121, 8, (const uint8_t[]){1, 2, 3, 4, 5, 6, 7, 8});
     double before;
 
@@ -246,9 +225,8 @@ TEST_WITH(foreign_and_short_frames_change_nothing, set_up, bench_tear_down)
     assert_true(host_joint(bench->host, 0)->joint_rad == before);
 }
 
-TEST_WITH(servo_drives_towards_the_reference, set_up, bench_tear_down)
+TEST_ON(servo_drives_towards_the_reference, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const struct servo_gains gains[] = {
         {.kp_v_per_rad = 100, .ki_v_per_rad_s = 200, .kw_v_s_per_rad = 4},
         {.kp_v_per_rad = 100, .ki_v_per_rad_s = 200, .kw_v_s_per_rad = 4}};

@@ -9,10 +9,6 @@
 #include "canbus/port.h"
 #include "tasks/host.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 #include "tests/physics/near.h"
 #include "tests/test.h"
 
@@ -68,13 +64,6 @@ static inline void bench_close(struct bench *bench)
         local_bus_destroy(bench->bus[b]);
     }
     arena_fini(&bench->arena);
-}
-
-/* For cmocka's tear-down; the state is the bench. */
-FIXTURE(bench_tear_down)
-{
-    bench_close(*test_state);
-    return 0;
 }
 
 /* a board sends */
@@ -138,27 +127,31 @@ static inline enum host_phase start_up(struct bench *bench, int periods)
     return phase;
 }
 
-/* The bench of a test, its host ready. */
-static inline struct bench *started(void **state)
+/* Closes the bench and opens it anew. */
+static inline void reopen(struct bench *bench, void (*set_up)(struct bench *bench))
 {
-    assert_int_equal(start_up(*state, 1000), HOST_READY);
-    return *state;
+    bench_close(bench);
+    memset(bench, 0, sizeof *bench);
+    set_up(bench);
+}
+
+static inline void reach_ready(struct bench *bench)
+{
+    assert_int_equal(start_up(bench, 1000), HOST_READY);
 }
 
 /* Starts the host up as often as there are frames in a start-up, each time with another of them
  * lost on its way; set_up opens a bench anew. */
-static inline void check_start_up_without_each_frame(void **state, int (*set_up)(void **state))
+static inline void check_start_up_without_each_frame(struct bench *bench,
+                                                     void (*set_up)(struct bench *bench))
 {
-    struct bench *bench = *state;
     size_t sent, said;
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     sent = bench->nseen;
     said = bench->nsaid;
     for (size_t i = 1; i <= sent + said; i++) {
-        bench_close(bench);
-        assert_int_equal(set_up(state), 0);
-        bench = *state;
+        reopen(bench, set_up);
         bench->lose_sent = i <= sent ? i : 0;
         bench->lose_said = i <= sent ? 0 : i - sent;
         if (start_up(bench, 1500) != HOST_READY) {

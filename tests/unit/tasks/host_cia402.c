@@ -121,9 +121,8 @@ static void play(struct bench *bench, int bus, const struct bus_frame *frame)
     }
 }
 
-FIXTURE(set_up)
+static inline void set_up(struct bench *bench)
 {
-    static struct bench bench;
     static const struct host_axis axis[AXES] = {
         {.joint = "hip", .address = 1, .torque_address = -1},
         {.joint = "knee", .address = 1, .axis = 1, .torque_address = -1},
@@ -139,7 +138,6 @@ FIXTURE(set_up)
                                  .supply_v = 48,
                                  .period_ns = 1000000};
 
-    memset(&bench, 0, sizeof bench);
     memset(nodes, 0, sizeof nodes);
     for (int i = 0; i < NODES; i++) {
         nodes[i].status[0] = nodes[i].status[1] = 0x40;
@@ -147,15 +145,15 @@ FIXTURE(set_up)
     nodes[0].status[1] = 0x08; /* a fault of before */
     device_type = 0xffff0192;
     refused = 0;
-    bench.play[0] = play;
-    bench_open(&bench, &config);
-    *test_state = &bench;
-    return 0;
+    bench->play[0] = play;
+    bench_open(bench, &config);
 }
 
-TEST_WITH(start_up_configures_starts_and_enables, set_up, bench_tear_down)
+BENCH(set_up, struct bench, bench_close)
+
+TEST_ON(start_up_configures_starts_and_enables, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
 
     assert_true(was_sent(bench, 0, NMT, 2, (const uint8_t[]){130, 0}));
     assert_true(was_sent(bench, 0, NMT, 2, (const uint8_t[]){1, 31}));
@@ -175,17 +173,17 @@ TEST_WITH(start_up_configures_starts_and_enables, set_up, bench_tear_down)
     assert_true(host_healthy(bench->host));
 }
 
-TEST_WITH(a_lost_frame_does_not_stop_the_start_up, set_up, bench_tear_down)
+TEST_ON(a_lost_frame_does_not_stop_the_start_up, set_up, bench)
 {
-    check_start_up_without_each_frame(test_state, set_up);
+    check_start_up_without_each_frame(bench, set_up);
 }
 
-TEST_WITH(telemetry_is_in_si_units, set_up, bench_tear_down)
+TEST_ON(telemetry_is_in_si_units, set_up, bench)
 {
-    struct bench *bench = started(test_state);
     const struct host_joint *joint;
     const struct host_force *force;
 
+    reach_ready(bench);
     one_period(bench);
     for (size_t i = 0; i < AXES; i++) {
         joint = host_joint(bench->host, i);
@@ -200,9 +198,9 @@ TEST_WITH(telemetry_is_in_si_units, set_up, bench_tear_down)
     assert_near(force->torque_nm[2], -1.0, 1e-9);
 }
 
-TEST_WITH(voltages_go_out_by_node_with_a_sync, set_up, bench_tear_down)
+TEST_ON(voltages_go_out_by_node_with_a_sync, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
 
     host_set_voltage(bench->host, 0, 5.0);
     host_set_voltage(bench->host, 1, -100.0); /* within the supply */
@@ -216,9 +214,9 @@ TEST_WITH(voltages_go_out_by_node_with_a_sync, set_up, bench_tear_down)
     assert_int_equal(bench->seen[2].len, 0);
 }
 
-TEST_WITH(a_fault_is_named_with_its_cause, set_up, bench_tear_down)
+TEST_ON(a_fault_is_named_with_its_cause, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
 
     nodes[0].status[1] = 0x08;
     say(bench, 0, EMCY + 1, 8, (const uint8_t[]){0x20, 0x32, 0x05, 1, 0x01, 0, 0, 0});
@@ -230,9 +228,9 @@ TEST_WITH(a_fault_is_named_with_its_cause, set_up, bench_tear_down)
     assert_false(host_lost(bench->host));
 }
 
-TEST_WITH(a_node_that_boots_is_lost, set_up, bench_tear_down)
+TEST_ON(a_node_that_boots_is_lost, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
 
     say(bench, 0, HEARTBEAT + 5, 1, (const uint8_t[]){0});
     bench->play[0] = play;
@@ -242,32 +240,26 @@ TEST_WITH(a_node_that_boots_is_lost, set_up, bench_tear_down)
     assert_true(host_lost(bench->host));
 }
 
-TEST_WITH(what_contradicts_the_rig_ends_the_start_up, set_up, bench_tear_down)
+TEST_ON(what_contradicts_the_rig_ends_the_start_up, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     device_type = 0x00020191;
     assert_int_equal(start_up(bench, 100), HOST_FAILED);
     assert_non_null(strstr(host_message(bench->host), "board 1 on can0 is of another kind"));
-    bench_close(bench);
 
-    set_up(test_state);
-    bench = *test_state;
+    reopen(bench, set_up);
     refused = 0x1a40;
     assert_int_equal(start_up(bench, 100), HOST_FAILED);
     assert_non_null(strstr(host_message(bench->host), "board 1 on can0 refuses"));
-    bench_close(bench);
 
-    set_up(test_state);
-    bench = *test_state;
+    reopen(bench, set_up);
     bench->mute = true;
     assert_int_equal(start_up(bench, 9000), HOST_FAILED);
     assert_non_null(strstr(host_message(bench->host), "board 5 on can0 does not answer"));
 }
 
-TEST_WITH(a_motor_is_switched_off_and_on, set_up, bench_tear_down)
+TEST_ON(a_motor_is_switched_off_and_on, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
 
     host_set_motor(bench->host, 0, false);
     for (int i = 0; i < 5; i++) {

@@ -34,9 +34,8 @@ static void play(struct bench *bench, int bus, const struct bus_frame *frame)
     }
 }
 
-static struct bench *open_bench(int64_t period_ns)
+static void open_with_period(struct bench *bench, int64_t period_ns)
 {
-    static struct bench bench;
     static struct host_axis axis[AXES];
     static const struct host_bus bus[] = {{.protocol = "foc"}};
     struct host_config config = {
@@ -48,7 +47,6 @@ static struct bench *open_bench(int64_t period_ns)
         .period_ns = period_ns,
     };
 
-    memset(&bench, 0, sizeof bench);
     for (int k = 0; k < AXES; k++) {
         axis[k] = (struct host_axis){
             .joint = joint[k],
@@ -67,20 +65,21 @@ static struct bench *open_bench(int64_t period_ns)
                       .poles = 14},
         };
     }
-    bench.play[0] = play;
-    bench_open(&bench, &config);
-    return &bench;
+    bench->play[0] = play;
+    bench_open(bench, &config);
 }
 
-FIXTURE(set_up)
+static void set_up(struct bench *bench)
 {
-    *test_state = open_bench(1000000);
-    return 0;
+    open_with_period(bench, 1000000);
 }
 
-TEST_WITH(start_up_discovers_configures_and_enables, set_up, bench_tear_down)
+BENCH(set_up, struct bench, bench_close)
+CLOSED_BENCH(bench, struct bench, bench_close)
+
+TEST_ON(start_up_discovers_configures_and_enables, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
 
     assert_true(was_sent(bench, 0, 0x70f, 1, (const uint8_t[]){0xff}));
     for (uint32_t a = 1; a <= AXES; a++) {
@@ -105,14 +104,14 @@ TEST_WITH(start_up_discovers_configures_and_enables, set_up, bench_tear_down)
     assert_true(was_sent(bench, 0, 0x20c, 2, (const uint8_t[]){0x07, 0}));
 }
 
-TEST_WITH(a_lost_frame_does_not_stop_the_start_up, set_up, bench_tear_down)
+TEST_ON(a_lost_frame_does_not_stop_the_start_up, set_up, bench)
 {
-    check_start_up_without_each_frame(test_state, set_up);
+    check_start_up_without_each_frame(bench, set_up);
 }
 
-TEST_WITH(no_target_goes_out_before_the_motors_are_switched_on, set_up, bench_tear_down)
+TEST_ON(no_target_goes_out_before_the_motors_are_switched_on, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
     int on;
 
     on = find_sent(bench, 0, 0, 0x001, 2, (const uint8_t[]){0x09, 0x50});
@@ -122,9 +121,9 @@ TEST_WITH(no_target_goes_out_before_the_motors_are_switched_on, set_up, bench_te
     assert_true(was_sent(bench, 0, 0x10f, 8, (const uint8_t[8]){0}));
 }
 
-TEST_WITH(half_of_the_supply_is_16000_counts, set_up, bench_tear_down)
+TEST_ON(half_of_the_supply_is_16000_counts, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
 
     host_set_voltage(bench->host, 0, 24);
     host_set_voltage(bench->host, 1, -48);
@@ -138,9 +137,9 @@ TEST_WITH(half_of_the_supply_is_16000_counts, set_up, bench_tear_down)
                          (const uint8_t[]){0x80, 0x3e, 0x00, 0x83, 0x00, 0x7d, 0xff, 0xff}));
 }
 
-TEST_WITH(the_last_targets_are_repeated_every_millisecond, set_up, bench_tear_down)
+TEST_ON(the_last_targets_are_repeated_every_millisecond, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
 
     host_set_voltage(bench->host, 0, 24);
     bench->nseen = 0;
@@ -153,11 +152,9 @@ TEST_WITH(the_last_targets_are_repeated_every_millisecond, set_up, bench_tear_do
     }
 }
 
-TEST_WITH(half_a_millisecond_of_period_sends_every_other_time, NULL, bench_tear_down)
+TEST_ON(half_a_millisecond_of_period_sends_every_other_time, bench, bench)
 {
-    struct bench *bench = open_bench(500000);
-
-    *test_state = bench;
+    open_with_period(bench, 500000);
     assert_int_equal(start_up(bench, 100), HOST_READY);
     bench->nseen = 0;
     for (int i = 0; i < 20; i++) {
@@ -166,9 +163,9 @@ TEST_WITH(half_a_millisecond_of_period_sends_every_other_time, NULL, bench_tear_
     assert_int_equal(count_sent(bench, 0x10f), 10);
 }
 
-TEST_WITH(rotor_angles_pass_the_gear_and_the_spring_tells_the_link, set_up, bench_tear_down)
+TEST_ON(rotor_angles_pass_the_gear_and_the_spring_tells_the_link, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
     const struct host_joint *roll;
 
     roll = host_joint(bench->host, 1);
@@ -184,9 +181,9 @@ TEST_WITH(rotor_angles_pass_the_gear_and_the_spring_tells_the_link, set_up, benc
     assert_near(host_joint(bench->host, 0)->joint_rad, 1, 1e-6);
 }
 
-TEST_WITH(an_expired_set_point_is_named, set_up, bench_tear_down)
+TEST_ON(an_expired_set_point_is_named, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
 
     assert_true(host_healthy(bench->host));
     /* bit 14, and bit 4 */
@@ -197,10 +194,8 @@ TEST_WITH(an_expired_set_point_is_named, set_up, bench_tear_down)
                         "joint yaw is in fault 0x4010: over-current, set-point expired");
 }
 
-TEST_WITH(a_motor_that_stays_off_is_named, set_up, bench_tear_down)
+TEST_ON(a_motor_that_stays_off_is_named, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->mute = true;
     assert_int_equal(start_up(bench, 3000), HOST_FAILED);
     assert_string_equal(host_message(bench->host),
@@ -208,9 +203,9 @@ TEST_WITH(a_motor_that_stays_off_is_named, set_up, bench_tear_down)
                         "state (1039 frames sent on this bus, 8002 received)");
 }
 
-TEST_WITH(stopping_sends_force_idle_and_targets_of_zero, set_up, bench_tear_down)
+TEST_ON(stopping_sends_force_idle_and_targets_of_zero, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
 
     host_set_voltage(bench->host, 2, 24);
     one_period(bench);
@@ -224,9 +219,9 @@ TEST_WITH(stopping_sends_force_idle_and_targets_of_zero, set_up, bench_tear_down
     assert_true(was_sent(bench, 0, 0x10f, 8, (const uint8_t[8]){0}));
 }
 
-TEST_WITH(frames_of_wrong_length_and_from_nobody_change_nothing, set_up, bench_tear_down)
+TEST_ON(frames_of_wrong_length_and_from_nobody_change_nothing, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
     static const uint8_t data[8] = {9, 9, 9, 9, 9, 9, 9, 9};
     double before;
 
@@ -241,14 +236,13 @@ TEST_WITH(frames_of_wrong_length_and_from_nobody_change_nothing, set_up, bench_t
     assert_true(host_healthy(bench->host));
 }
 
-TEST_WITH(five_motors_on_a_bus_are_refused, set_up, bench_tear_down)
+TEST_ON(five_motors_on_a_bus_are_refused, set_up, bench)
 {
     static const struct host_bus bus[] = {{.protocol = "foc"}};
     static const struct host_axis axis[] = {{.joint = "fifth",
                                              .address = 5,
                                              .drive = {.gear = 100, .spring_nm_rad = 200},
                                              .torque_address = -1}};
-    struct bench *bench = *test_state;
     struct host_config config = bench->config;
     struct error error;
     struct host *host;

@@ -6,9 +6,8 @@
 
 enum { STEP = 0x6f0, DONE = 0x6ff, REFUSED = 1 << 2 };
 
-FIXTURE(set_up)
+static inline void set_up(struct bench *bench)
 {
-    static struct bench bench;
     struct host_config config = {.nbus = 2,
                                  .period_ns = MS,
                                  .supply_v = 48.0,
@@ -16,10 +15,7 @@ FIXTURE(set_up)
                                  .step_id = STEP,
                                  .done_id = DONE};
 
-    memset(&bench, 0, sizeof bench);
-    bench_open(&bench, &config);
-    *test_state = &bench;
-    return 0;
+    bench_open(bench, &config);
 }
 
 static void say_done(struct bench *bench, int bus, uint32_t tick, uint16_t flags)
@@ -55,10 +51,10 @@ static void meet(struct bench *bench, uint32_t tick)
     assert_int_equal(take_step(bench), tick);
 }
 
-TEST_WITH(a_tick_is_over_when_every_bus_says_so, set_up, bench_tear_down)
-{
-    struct bench *bench = *test_state;
+BENCH(set_up, struct bench, bench_close)
 
+TEST_ON(a_tick_is_over_when_every_bus_says_so, set_up, bench)
+{
     meet(bench, 1000);
     assert_false(host_receive(bench->host, 0));
     say_done(bench, 1, 1001, 0);
@@ -68,10 +64,8 @@ TEST_WITH(a_tick_is_over_when_every_bus_says_so, set_up, bench_tear_down)
     assert_int_equal(host_time_ns(bench->host), 1001 * MS);
 }
 
-TEST_WITH(a_step_that_is_sent_again_is_the_same, set_up, bench_tear_down)
+TEST_ON(a_step_that_is_sent_again_is_the_same, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     meet(bench, 1000);
     say_done(bench, 0, 1001, 0); /* the other one is late, or lost */
     assert_false(host_receive(bench->host, 0));
@@ -81,10 +75,8 @@ TEST_WITH(a_step_that_is_sent_again_is_the_same, set_up, bench_tear_down)
     assert_int_equal(take_step(bench), 1000);
 }
 
-TEST_WITH(the_refusal_of_a_copy_stands_for_a_lost_done, set_up, bench_tear_down)
+TEST_ON(the_refusal_of_a_copy_stands_for_a_lost_done, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     meet(bench, 1000);
     say_done(bench, 0, 1001, 0);
     say_done(bench, 0, 1001, REFUSED);
@@ -94,10 +86,8 @@ TEST_WITH(the_refusal_of_a_copy_stands_for_a_lost_done, set_up, bench_tear_down)
     assert_int_equal(host_time_ns(bench->host), 1001 * MS);
 }
 
-TEST_WITH(the_refusal_of_an_earlier_copy_changes_nothing, set_up, bench_tear_down)
+TEST_ON(the_refusal_of_an_earlier_copy_changes_nothing, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     meet(bench, 1000);
     say_done(bench, 0, 1001, 0);
     say_done(bench, 1, 1001, 0);
@@ -113,10 +103,8 @@ TEST_WITH(the_refusal_of_an_earlier_copy_changes_nothing, set_up, bench_tear_dow
     assert_int_equal(host_time_ns(bench->host), 1002 * MS);
 }
 
-TEST_WITH(a_simulator_that_was_restarted_is_noticed, set_up, bench_tear_down)
+TEST_ON(a_simulator_that_was_restarted_is_noticed, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     meet(bench, 1000);
     say_done(bench, 0, 990, REFUSED); /* it went back a little: follow it */
     assert_true(host_receive(bench->host, 0));

@@ -4,6 +4,8 @@
 #include "tests/protocol_file.h"
 #include "tests/unit/tasks/host_bench.h"
 
+static struct error error;
+
 enum { ICUB, FOC, COMPACT };
 
 static void play_icub(struct bench *bench, int bus, const struct bus_frame *frame)
@@ -45,9 +47,8 @@ static void play_compact(struct bench *bench, int bus, const struct bus_frame *f
     }
 }
 
-FIXTURE(set_up)
+static inline void set_up(struct bench *bench)
 {
-    static struct bench bench;
     static const char *const joint[] = {"one", "two", "three"};
     static struct host_axis axis[3];
     static struct host_bus bus[] = {
@@ -61,7 +62,6 @@ FIXTURE(set_up)
         .period_ns = 1000000,
     };
 
-    memset(&bench, 0, sizeof bench);
     bus[COMPACT].described = protocol_file("compact");
     for (int k = 0; k < 3; k++) {
         axis[k] = (struct host_axis){.joint = joint[k],
@@ -72,17 +72,17 @@ FIXTURE(set_up)
                                      .drive = {.gear = 100, .spring_nm_rad = 100},
                                      .torque_address = -1};
     }
-    bench.play[ICUB] = play_icub;
-    bench.play[FOC] = play_foc;
-    bench.play[COMPACT] = play_compact;
-    bench_open(&bench, &config);
-    *test_state = &bench;
-    return 0;
+    bench->play[ICUB] = play_icub;
+    bench->play[FOC] = play_foc;
+    bench->play[COMPACT] = play_compact;
+    bench_open(bench, &config);
 }
 
-TEST_WITH(each_bus_is_spoken_to_in_its_own_way, set_up, bench_tear_down)
+BENCH(set_up, struct bench, bench_close)
+
+TEST_ON(each_bus_is_spoken_to_in_its_own_way, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
 
     assert_true(host_healthy(bench->host));
     for (size_t i = 0; i < 3; i++) {
@@ -125,9 +125,8 @@ static void expect_own_frames(const struct bench *bench)
 }
 
 /* Random frames, then true ones, which count as if nothing had been. */
-TEST_WITH(no_frame_can_harm_the_host, set_up, bench_tear_down)
+TEST_ON(no_frame_can_harm_the_host, set_up, bench)
 {
-    struct bench *bench = *test_state;
     uint64_t random = 88172645463325252u;
 
     for (int i = 0; i < 300000; i++) {
@@ -191,7 +190,6 @@ TEST(a_bus_whose_protocol_has_no_host_is_refused)
         .nbus = 1, .bus = &bus, .supply_v = 48, .period_ns = 1000000};
     struct arena arena;
     struct host *host;
-    struct error error;
 
     assert_ok(arena_init(&arena, 1 << 20, &error));
     for (size_t i = 0; (protocol = protocol_at(i)); i++) {
@@ -217,7 +215,7 @@ static void play_status(struct bench *bench, int bus, const struct bus_frame *fr
     say(bench, bus, 0x301, 8, (const uint8_t[8]){told_state});
 }
 
-FIXTURE(set_up_status)
+static inline void set_up_status(struct bench *bench)
 {
     static const char text[] =
         "name: my\nstates:\n  - {name: idle, law: \"off\"}\n  - {name: run, value: 1, law: "
@@ -230,7 +228,6 @@ FIXTURE(set_up_status)
         "state, bits: 8, source: state}, {name: position, bits: 32, source: motor_position}, "
         "{name: spare, bits: 24}]}\n"
         "host: {discover: [HELLO], \"off\": [SWITCH], \"on\": [SWITCH], command: [SET]}\n";
-    static struct bench bench;
     static struct arena arena;
     static struct host_axis axis = {.joint = "one",
                                     .address = 1,
@@ -240,7 +237,6 @@ FIXTURE(set_up_status)
     static struct host_bus bus = {.protocol = "described"};
     const struct host_config config = {
         .nbus = 1, .bus = &bus, .naxis = 1, .axis = &axis, .supply_v = 48, .period_ns = 1000000};
-    struct error error;
 
     if (!arena.memory) {
         assert_ok(arena_init(&arena, 1 << 20, &error));
@@ -248,19 +244,17 @@ FIXTURE(set_up_status)
             described_read_text("my.yaml", text, sizeof text - 1, &arena, &bus.described, &error),
             error.text);
     }
-    memset(&bench, 0, sizeof bench);
     told_state = 0;
-    bench.play[0] = play_status;
-    bench_open(&bench, &config);
-    *test_state = &bench;
-    return 0;
+    bench->play[0] = play_status;
+    bench_open(bench, &config);
 }
+
+BENCH(set_up_status, struct bench, bench_close)
 
 /* The boards of a running bench were heard, and one is on, before the host sends its first frame:
  * it is asked, switched off and on all the same. */
-TEST_WITH(a_host_joins_boards_that_report_unasked, set_up_status, bench_tear_down)
+TEST_ON(a_host_joins_boards_that_report_unasked, set_up_status, bench)
 {
-    struct bench *bench = *test_state;
     int off, on;
 
     told_state = 1;
@@ -274,9 +268,8 @@ TEST_WITH(a_host_joins_boards_that_report_unasked, set_up_status, bench_tear_dow
     assert_true(off >= 0 && on > off);
 }
 
-TEST_WITH(a_board_that_stays_off_is_told_with_the_frames_sent, set_up_status, bench_tear_down)
+TEST_ON(a_board_that_stays_off_is_told_with_the_frames_sent, set_up_status, bench)
 {
-    struct bench *bench = *test_state;
     size_t sent = 0;
 
     bench->mute = true;

@@ -56,15 +56,13 @@ static void play(struct bench *bench, int bus, const struct bus_frame *frame)
     }
 }
 
-FIXTURE(set_up)
+static inline void set_up(struct bench *bench)
 {
-    static struct bench bench;
     static struct host_axis axis[AXES];
     static const struct host_bus bus[] = {{.protocol = "moteus", .fd = true}};
     const struct host_config config = {
         .nbus = 1, .bus = bus, .naxis = AXES, .axis = axis, .supply_v = 48, .period_ns = 1000000};
 
-    memset(&bench, 0, sizeof bench);
     memset(fault, 0, sizeof fault);
     memset(mode, 1, sizeof mode); /* in fault, from an earlier run */
     for (int k = 0; k < AXES; k++) {
@@ -77,15 +75,14 @@ FIXTURE(set_up)
                                                .torque_nm_a = 4,
                                                .bemf_v_s_rad = 4}};
     }
-    bench.play[0] = play;
-    bench_open(&bench, &config);
-    *test_state = &bench;
-    return 0;
+    bench->play[0] = play;
+    bench_open(bench, &config);
 }
 
-TEST_WITH(start_up_finds_stops_and_enables, set_up, bench_tear_down)
+BENCH(set_up, struct bench, bench_close)
+
+TEST_ON(start_up_finds_stops_and_enables, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const uint8_t question[] = {QUESTION}, stop[12] = {1, 0, 0, QUESTION, 0x50};
     assert_int_equal(start_up(bench, 100), HOST_READY);
     for (uint32_t a = 1; a <= FAR; a += FAR - 1) {
@@ -97,17 +94,17 @@ TEST_WITH(start_up_finds_stops_and_enables, set_up, bench_tear_down)
     assert_true(host_healthy(bench->host));
 }
 
-TEST_WITH(a_lost_frame_does_not_stop_the_start_up, set_up, bench_tear_down)
+TEST_ON(a_lost_frame_does_not_stop_the_start_up, set_up, bench)
 {
-    check_start_up_without_each_frame(test_state, set_up);
+    check_start_up_without_each_frame(bench, set_up);
 }
 
-TEST_WITH(a_voltage_is_a_torque, set_up, bench_tear_down)
+TEST_ON(a_voltage_is_a_torque, set_up, bench)
 {
-    struct bench *bench = started(test_state);
     const struct bus_frame *frame;
     float torque;
 
+    reach_ready(bench);
     bench->nseen = 0;
     host_set_voltage(bench->host, 0, 6);
     one_period(bench);
@@ -119,11 +116,11 @@ TEST_WITH(a_voltage_is_a_torque, set_up, bench_tear_down)
     assert_near(torque, 6 / 0.5 * 4, 1e-4); /* 0.5 Ohm, 4 N m/A */
 }
 
-TEST_WITH(replies_are_angles_current_and_torque, set_up, bench_tear_down)
+TEST_ON(replies_are_angles_current_and_torque, set_up, bench)
 {
-    struct bench *bench = started(test_state);
     const struct host_joint *hip = host_joint(bench->host, 0), *knee = host_joint(bench->host, 1);
 
+    reach_ready(bench);
     assert_near(hip->motor_rad, M_PI / 2, 1e-6);
     assert_near(hip->joint_rad, -0.02 * 2 * M_PI, 1e-6);
     assert_near(hip->torque_nm, 200 * 0.27 * 2 * M_PI, 1e-4); /* the spring's */
@@ -132,16 +129,16 @@ TEST_WITH(replies_are_angles_current_and_torque, set_up, bench_tear_down)
     assert_true(hip->torque_told && hip->torque_time_ns == bench->now_ns);
 }
 
-TEST_WITH(a_fault_and_the_watchdog_are_told, set_up, bench_tear_down)
+TEST_ON(a_fault_and_the_watchdog_are_told, set_up, bench)
 {
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
 
     mode[1] = 1;
     fault[1] = 34;
     one_period(bench);
     assert_false(host_healthy(bench->host));
     assert_string_equal(host_message(bench->host), "joint knee is in fault 0x04: over-voltage");
-    assert_int_equal(set_up(test_state), 0);
+    reopen(bench, set_up);
     assert_int_equal(start_up(bench, 100), HOST_READY);
     mode[0] = 11;
     one_period(bench);
@@ -149,10 +146,8 @@ TEST_WITH(a_fault_and_the_watchdog_are_told, set_up, bench_tear_down)
     assert_string_equal(host_message(bench->host), "joint hip is in fault 0x00: watchdog time-out");
 }
 
-TEST_WITH(a_silent_controller_is_missed, set_up, bench_tear_down)
+TEST_ON(a_silent_controller_is_missed, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->mute = true;
     assert_int_equal(start_up(bench, 9000), HOST_FAILED);
     assert_string_equal(host_message(bench->host),
@@ -162,12 +157,12 @@ TEST_WITH(a_silent_controller_is_missed, set_up, bench_tear_down)
 }
 
 /* Frames that are cut off, of others, or that say nothing of use. */
-TEST_WITH(odd_frames_change_nothing, set_up, bench_tear_down)
+TEST_ON(odd_frames_change_nothing, set_up, bench)
 {
     static const uint8_t odd[][8] = {
         {0x2f, 0x01, 1, 2, 3},    {0x2c, 0xff, 0xff, 0xff},       {0x23, 0x0d, 1, 2},
         {0x24, 0x80, 0x80, 0x80}, {0x2d, 0x01, 0, 0, 0xc0, 0x7f}, {0x31, 0x01, 0x01}};
-    struct bench *bench = started(test_state);
+    reach_ready(bench);
     struct host_joint before;
 
     before = *host_joint(bench->host, 0);

@@ -10,9 +10,6 @@
 #include "rig/rig.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <string.h>
-
 enum { POSES = 500, LINKS = 64 };
 
 struct bench {

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Bounds, arrival and length of a reference's motion. */
-#include <math.h>
 
 #include "tasks/task_private.h"
 #include "tests/test.h"

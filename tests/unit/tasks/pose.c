@@ -1,7 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The settings of the task pose, and the references that it gives the servo; without boards. */
-#include <math.h>
-#include <string.h>
 
 #include "tasks/task.h"
 #include "tasks/task_private.h"

@@ -3,8 +3,6 @@
 #include "tasks/sine_fit.h"
 #include "tests/test.h"
 
-#include <math.h>
-
 enum { SAMPLES = 400 };
 
 static double place(int i)

@@ -4,10 +4,6 @@
 
 #include "base/array.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 #include "tests/unit/arena_fixture.h"
 #include "tests/test.h"
 

@@ -6,7 +6,6 @@
 #include "rt/clock.h"
 #include "tests/test.h"
 
-#include <stdlib.h>
 #include <sys/socket.h>
 #include <unistd.h>
 

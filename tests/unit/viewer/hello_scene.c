@@ -6,9 +6,6 @@
 #include "viewer/private.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdlib.h>
-
 enum { TRUNK, LEG, BALL };
 
 #define UPRIGHT                                                                                    \

@@ -4,9 +4,6 @@
 #include "viewer/history.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <string.h>
-
 enum { SIGNALS = 5, CONSTANT = 4 };
 
 #define STEP_NS INT64_C(1000000)

@@ -4,9 +4,6 @@
 #include "viewer/http_request.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-#include <string.h>
-
 static struct http_request request;
 static size_t used;
 

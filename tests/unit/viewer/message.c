@@ -4,8 +4,6 @@
 #include "viewer/message.h"
 #include "tests/test.h"
 
-#include <string.h>
-
 static struct viewer_message message;
 static struct error error;
 

@@ -3,10 +3,6 @@
 #include "viewer/recorded.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 static char path[] = "/tmp/recorded-XXXXXX";
@@ -36,57 +32,53 @@ static void write_file(const char *text)
     fclose(out);
 }
 
-TEST(rows_are_found_by_time)
+CLOSED_BENCH(recorded_table, struct recorded_table, recorded_table_close)
+
+TEST_ON(rows_are_found_by_time, recorded_table, table)
 {
-    struct recorded_table table;
     double value[3];
 
     write_file("time_s,a,b\n0.01,1,2\n0.02,3,-4e-3\n0.02,5,6\n0.04,7,8\n0.05,9");
-    assert_int_equal(recorded_table_open(path, &arena, &table, &error), 0);
-    assert_int_equal(table.ncolumn, 2);
-    assert_string_equal(table.title[1], "b");
-    assert_int_equal(table.nrow, 4); /* the last line has no end */
-    assert_int_equal(recorded_table_find(&table, INT64_MIN), 0);
-    assert_int_equal(recorded_table_find(&table, 10000000), 0);
-    assert_int_equal(recorded_table_find(&table, 19999999), 0);
-    assert_int_equal(recorded_table_find(&table, 20000000), 2);
-    assert_int_equal(recorded_table_find(&table, 39999999), 2);
-    assert_int_equal(recorded_table_find(&table, INT64_MAX), 3);
-    recorded_table_read(&table, 1, 2, NULL, value);
+    assert_int_equal(recorded_table_open(path, &arena, table, &error), 0);
+    assert_int_equal(table->ncolumn, 2);
+    assert_string_equal(table->title[1], "b");
+    assert_int_equal(table->nrow, 4); /* the last line has no end */
+    assert_int_equal(recorded_table_find(table, INT64_MIN), 0);
+    assert_int_equal(recorded_table_find(table, 10000000), 0);
+    assert_int_equal(recorded_table_find(table, 19999999), 0);
+    assert_int_equal(recorded_table_find(table, 20000000), 2);
+    assert_int_equal(recorded_table_find(table, 39999999), 2);
+    assert_int_equal(recorded_table_find(table, INT64_MAX), 3);
+    recorded_table_read(table, 1, 2, NULL, value);
     assert_true(value[0] == 3 && value[1] == -4e-3);
-    recorded_table_close(&table);
 }
 
-TEST(odd_cells_are_no_numbers)
+TEST_ON(odd_cells_are_no_numbers, recorded_table, table)
 {
-    struct recorded_table table;
     double value[3];
 
     write_file("time_s,a,b,c\n1,,x,\n2,5\n3\n4,1 2,0x10,3z\n5,6,7,8,9\n");
-    assert_int_equal(recorded_table_open(path, &arena, &table, &error), 0);
+    assert_int_equal(recorded_table_open(path, &arena, table, &error), 0);
     for (size_t row = 0; row < 4; row++) {
-        recorded_table_read(&table, row, 3, NULL, value);
+        recorded_table_read(table, row, 3, NULL, value);
         assert_true(row == 1 ? value[0] == 5 : isnan(value[0]));
         assert_true(isnan(value[2]));
     }
-    recorded_table_read(&table, 4, 3, NULL, value);
+    recorded_table_read(table, 4, 3, NULL, value);
     assert_true(value[0] == 6 && value[1] == 7 && value[2] == 8);
-    recorded_table_close(&table);
 }
 
-TEST(columns_that_are_not_wanted_are_left_alone)
+TEST_ON(columns_that_are_not_wanted_are_left_alone, recorded_table, table)
 {
     static const bool wanted[] = {false, true, false, true};
-    struct recorded_table table;
     double value[] = {-1, -1, -1, -1};
 
     write_file("time_s,a,b,c,d\n1,5,6,7,8\n2,x,9\n");
-    assert_int_equal(recorded_table_open(path, &arena, &table, &error), 0);
-    recorded_table_read(&table, 0, 4, wanted, value);
+    assert_int_equal(recorded_table_open(path, &arena, table, &error), 0);
+    recorded_table_read(table, 0, 4, wanted, value);
     assert_true(value[0] == -1 && value[1] == 6 && value[2] == -1 && value[3] == 8);
-    recorded_table_read(&table, 1, 4, wanted, value);
+    recorded_table_read(table, 1, 4, wanted, value);
     assert_true(value[0] == -1 && value[1] == 9 && value[2] == -1 && isnan(value[3]));
-    recorded_table_close(&table);
 }
 
 TEST(what_is_no_table_is_refused)

@@ -10,9 +10,6 @@
 #include "rt/histogram.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
 

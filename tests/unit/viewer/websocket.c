@@ -3,8 +3,6 @@
 #include "viewer/websocket.h"
 #include "tests/test.h"
 
-#include <string.h>
-
 static struct websocket_frame frame;
 
 TEST(a_key_is_answered_as_in_rfc_6455_section_1_3)

@@ -77,29 +77,25 @@ static void put(struct bench *bench, uint32_t id, uint8_t value)
     assert_int_equal(can_send(&bench->tap->port, &frame, 1), 1);
 }
 
-FIXTURE(set_up)
+static inline void set_up(struct bench *bench)
 {
-    static struct bench bench;
     struct error error;
 
-    bench = (struct bench){.played.port = {.ops = &played_ops, .bus = "can0"}};
-    assert_ok(arena_init(&bench.arena, 1 << 20, &error));
-    assert_int_equal(latency_tap_create(&bench.played.port, &bench.arena, &bench.tap, &error), 0);
-    *test_state = &bench;
-    return 0;
+    *bench = (struct bench){.played.port = {.ops = &played_ops, .bus = "can0"}};
+    assert_ok(arena_init(&bench->arena, 1 << 20, &error));
+    assert_int_equal(latency_tap_create(&bench->played.port, &bench->arena, &bench->tap, &error),
+                     0);
 }
 
-FIXTURE(tear_down)
+static inline void tear_down(struct bench *bench)
 {
-    struct bench *bench = *test_state;
-
     arena_fini(&bench->arena);
-    return 0;
 }
 
-TEST_WITH(the_first_frame_after_the_mark_counts, set_up, tear_down)
+BENCH(set_up, struct bench, tear_down)
+
+TEST_ON(the_first_frame_after_the_mark_counts, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame frame;
 
     put(bench, 0x10, 1);
@@ -117,9 +113,8 @@ TEST_WITH(the_first_frame_after_the_mark_counts, set_up, tear_down)
     assert_int_equal(take(bench, &frame), 0);
 }
 
-TEST_WITH(frames_are_handed_on_one_a_call, set_up, tear_down)
+TEST_ON(frames_are_handed_on_one_a_call, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame frame[8];
 
     for (uint8_t i = 0; i < 3; i++) {
@@ -135,9 +130,8 @@ TEST_WITH(frames_are_handed_on_one_a_call, set_up, tear_down)
 }
 
 /* Another node may send the same identifier with other data, and our bytes a second time. */
-TEST_WITH(what_others_send_is_handed_on, set_up, tear_down)
+TEST_ON(what_others_send_is_handed_on, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame frame;
 
     put(bench, 0x11, 2);
@@ -152,9 +146,8 @@ TEST_WITH(what_others_send_is_handed_on, set_up, tear_down)
     assert_int_equal(take(bench, &frame), 0);
 }
 
-TEST_WITH(frames_that_never_come_back_make_room, set_up, tear_down)
+TEST_ON(frames_that_never_come_back_make_room, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame frame;
 
     for (int i = 0; i < 3 * LATENCY_TAP_SENT; i++) {
@@ -167,9 +160,8 @@ TEST_WITH(frames_that_never_come_back_make_room, set_up, tear_down)
     assert_int_equal(bench->tap->sent_ns, 2000);
 }
 
-TEST_WITH(the_rest_is_that_of_the_port_behind, set_up, tear_down)
+TEST_ON(the_rest_is_that_of_the_port_behind, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame frame;
 
     bench->played.port.state = CAN_PORT_WARNING;

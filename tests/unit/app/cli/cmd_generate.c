@@ -5,8 +5,6 @@
 #include "base/options.h"
 #include "tests/test.h"
 
-#include <stdlib.h>
-#include <string.h>
 #include <sys/wait.h>
 #include <unistd.h>
 

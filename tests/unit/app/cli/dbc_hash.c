@@ -3,18 +3,16 @@
 #include "app/cli/cli.h"
 
 #include <inttypes.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "rig/dbc.h"
 #include "tests/test.h"
+
+static struct error error;
 
 static struct arena arena;
 
 FIXTURE(begin)
 {
-    struct error error;
-
     return arena_init(&arena, (size_t)1 << 30, &error) ? -1 : 0;
 }
 
@@ -27,7 +25,6 @@ FIXTURE(end)
 static const struct rig *load(const char *path)
 {
     const struct rig *rig;
-    struct error error;
 
     assert_no_error(rig_load(path, &arena, &rig, &error), error.text);
     return rig;
@@ -39,7 +36,6 @@ static void append_expected(const struct rig *rig, size_t bus, char *text, size_
     struct memory_file file = {.text = NULL};
     uint64_t hash = UINT64_C(14695981039346656037);
     const size_t used = strlen(text);
-    struct error error;
     struct dbc *dbc;
 
     assert_ok(rig_dbc(rig, bus, &arena, &dbc, &error));
@@ -58,7 +54,6 @@ TEST_WITH(each_bus_has_the_hash_of_its_file, begin, end)
     const struct rig *rig = load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
     char expected[2048] = "";
     const char *hashes, *again;
-    struct error error;
 
     for (size_t i = 0; i < rig->nbus; i++) {
         append_expected(rig, i, expected, sizeof expected);
@@ -81,7 +76,6 @@ TEST_WITH(a_bus_that_no_file_can_hold_is_left_out, begin, end)
     struct rig changed = *load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
     struct rig_bus bus[RIG_BUSES_MAX];
     const char *hashes;
-    struct error error;
 
     memcpy(bus, changed.bus, changed.nbus * sizeof *bus);
     bus[1].interface = "can\"1"; /* no text of a DBC has a quote */
@@ -97,7 +91,6 @@ TEST_WITH(no_memory_is_an_error, begin, end)
     const struct rig *rig = load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
     const char *hashes;
     struct arena small;
-    struct error error;
 
     assert_ok(arena_init(&small, 16, &error));
     assert_int_equal(dbc_hash_rig(rig, &small, &hashes, &error), ERROR_MEMORY);

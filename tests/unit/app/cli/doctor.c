@@ -4,9 +4,6 @@
 #include "base/array.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -75,32 +72,26 @@ static void put_good_machine(const struct machine *m)
     put(m, "/sys/class/net/can0/tx_queue_len", "1000\n");
 }
 
-FIXTURE(start)
+static inline void start(struct machine *m)
 {
-    struct machine *m = calloc(1, sizeof *m);
-
     snprintf(m->root, sizeof m->root, "/tmp/hil-doctor-XXXXXX");
     if (!mkdtemp(m->root) || arena_init(&m->arena, 1 << 20, NULL)) {
-        return -1;
+        fail();
     }
     m->bus = (struct rig_bus){.name = "torso", .interface = "can0", .bitrate = 1000000};
     m->rig = (struct rig){.nbus = 1, .bus = &m->bus};
     m->rig.realtime = (struct rig_realtime){.priority = 80, .cpu = 3, .lock_memory = true};
     m->rig.servo.command_period_ns = 1000000;
     put_good_machine(m);
-    *test_state = m;
-    return 0;
 }
 
-FIXTURE(stop)
+static inline void stop(struct machine *m)
 {
-    struct machine *m = *test_state;
     char command[128];
 
     snprintf(command, sizeof command, "rm -rf '%s'", m->root);
     arena_fini(&m->arena);
-    free(m);
-    return system(command);
+    assert_int_equal(system(command), 0);
 }
 
 /* the controller that the test makes up; one without a kind is none */
@@ -145,10 +136,10 @@ static void assert_only(struct machine *m, const char *subject, enum doctor_verd
     assert_true(seen);
 }
 
-TEST_WITH(finds_nothing_on_a_good_machine, start, stop)
-{
-    struct machine *m = *test_state;
+BENCH(start, struct machine, stop)
 
+TEST_ON(finds_nothing_on_a_good_machine, start, m)
+{
     assert_int_equal(examine(m), DOCTOR_OK);
     assert_int_equal(m->count, 14);
     for (size_t i = 0; i < m->count; i++) {
@@ -156,10 +147,8 @@ TEST_WITH(finds_nothing_on_a_good_machine, start, stop)
     }
 }
 
-TEST_WITH(finds_the_module_of_a_contact_engine, start, stop)
+TEST_ON(finds_the_module_of_a_contact_engine, start, m)
 {
-    struct machine *m = *test_state;
-
     m->rig.contact_engine = RIG_CONTACT_SIMBODY;
     assert_int_equal(examine(m), DOCTOR_OK);
     assert_int_equal(m->count, 15);
@@ -172,9 +161,8 @@ TEST_WITH(finds_the_module_of_a_contact_engine, start, stop)
     fail();
 }
 
-TEST_WITH(sees_a_virtual_machine_in_a_long_list_of_flags, start, stop)
+TEST_ON(sees_a_virtual_machine_in_a_long_list_of_flags, start, m)
 {
-    struct machine *m = *test_state;
     char text[3000] = "flags : ";
 
     while (strlen(text) < 2500) {
@@ -185,9 +173,8 @@ TEST_WITH(sees_a_virtual_machine_in_a_long_list_of_flags, start, stop)
     assert_only(m, "machine", DOCTOR_WARN, "virtual");
 }
 
-TEST_WITH(sees_missing_rights_but_not_with_the_capabilities, start, stop)
+TEST_ON(sees_missing_rights_but_not_with_the_capabilities, start, m)
 {
-    struct machine *m = *test_state;
     const char *limits =
         "Max locked memory         65536                65536                bytes\n"
         "Max realtime priority     0                    0\n";
@@ -202,10 +189,8 @@ TEST_WITH(sees_missing_rights_but_not_with_the_capabilities, start, stop)
     assert_int_equal(examine(m), DOCTOR_OK);
 }
 
-TEST_WITH(judges_the_processor, start, stop)
+TEST_ON(judges_the_processor, start, m)
 {
-    struct machine *m = *test_state;
-
     put(m, "/sys/devices/system/cpu/isolated", "\n");
     put(m, "/proc/self/status", "CapEff:\t0\nCpus_allowed_list:\t0-3\n");
     assert_only(m, "processor", DOCTOR_WARN, "not isolated");
@@ -217,10 +202,8 @@ TEST_WITH(judges_the_processor, start, stop)
     assert_only(m, "processor", DOCTOR_WARN, "names none");
 }
 
-TEST_WITH(judges_interfaces, start, stop)
+TEST_ON(judges_interfaces, start, m)
 {
-    struct machine *m = *test_state;
-
     put(m, "/sys/class/net/can0/tx_queue_len", "10\n");
     assert_only(m, "interface", DOCTOR_WARN, "queues 10 frames");
     put(m, "/sys/devices/virtual/net/can0/type", "280\n");
@@ -235,10 +218,8 @@ TEST_WITH(judges_interfaces, start, stop)
     assert_only(m, "CAN", DOCTOR_WARN, "no CAN");
 }
 
-TEST_WITH(judges_controllers, start, stop)
+TEST_ON(judges_controllers, start, m)
 {
-    struct machine *m = *test_state;
-
     m->link = (struct link_info){.up = true, .type = 280, .kind = "can"};
     m->link.controller.timing.bitrate = 500000;
     assert_only(m, "controller", DOCTOR_FAIL, "runs at 500000 bit/s, the rig says 1000000");
@@ -348,17 +329,20 @@ static const struct step steps[] = {
 
 TEST(judges_what_the_files_of_a_machine_say)
 {
+    static struct machine machine;
     struct machine *m = NULL;
-    void *state = NULL;
 
     for (size_t i = 0; i < ARRAY_COUNT(steps); i++) {
         const struct step *step = &steps[i];
 
         print_message("# %s\n", step->file);
         if (step->machine) {
-            assert_true(!m || stop(&state) == 0);
-            assert_int_equal(start(&state), 0);
-            m = state;
+            if (m) {
+                stop(m);
+            }
+            m = &machine;
+            memset(m, 0, sizeof *m);
+            start(m);
             if (step->machine == NEW_PI) {
                 put_raspberry_pi(m);
                 assert_int_equal(examine(m), DOCTOR_OK);
@@ -377,13 +361,11 @@ TEST(judges_what_the_files_of_a_machine_say)
             assert_int_equal(examine(m), DOCTOR_OK);
         }
     }
-    stop(&state);
+    stop(m);
 }
 
-TEST_WITH(lives_in_an_empty_machine, start, stop)
+TEST_ON(lives_in_an_empty_machine, start, m)
 {
-    struct machine *m = *test_state;
-
     snprintf(m->root, sizeof m->root, "/tmp/hil-doctor-none");
     assert_int_equal(examine(m), DOCTOR_FAIL); /* processor 3 of one */
 }

@@ -5,9 +5,6 @@
 #include "boards/foc/protocol.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-#include <string.h>
-
 enum { BOARDS = 3 };
 
 /* Boards 1 to 3 of the hip, each sending every millisecond until its time is over. */
@@ -44,31 +41,26 @@ static void lab_sleep_until(struct clock *clock, int64_t deadline_ns)
 
 static const struct clock_ops lab_clock = {.now = lab_now, .sleep_until = lab_sleep_until};
 
-FIXTURE(open_lab)
+static inline void open_lab(struct lab *lab)
 {
-    static struct lab lab;
     const struct local_bus_config bus = {.name = "can0", .max_nodes = 2, .inbox = 256};
     struct error error;
 
-    lab = (struct lab){.clock = {&lab_clock}, .now_ns = 5 * CLOCK_SECOND};
-    *test_state = &lab;
-    if (arena_init(&lab.arena, (size_t)64 << 20, &error) ||
-        rig_load(HIL_SOURCE_DIR "/config/rigs/coman-rest-bus.yaml", &lab.arena, &lab.rig, &error) ||
-        local_bus_create(&bus, &lab.arena, &lab.bus, &error) ||
-        local_bus_join(lab.bus, 1, NULL, 0, &lab.port[0], &error) ||
-        local_bus_join(lab.bus, 1, NULL, 0, &lab.real, &error)) {
-        return -1;
+    *lab = (struct lab){.clock = {&lab_clock}, .now_ns = 5 * CLOCK_SECOND};
+    if (arena_init(&lab->arena, (size_t)64 << 20, &error) ||
+        rig_load(HIL_SOURCE_DIR "/config/rigs/coman-rest-bus.yaml", &lab->arena, &lab->rig,
+                 &error) ||
+        local_bus_create(&bus, &lab->arena, &lab->bus, &error) ||
+        local_bus_join(lab->bus, 1, NULL, 0, &lab->port[0], &error) ||
+        local_bus_join(lab->bus, 1, NULL, 0, &lab->real, &error)) {
+        fail();
     }
-    return 0;
 }
 
-FIXTURE(close_lab)
+static inline void close_lab(struct lab *lab)
 {
-    struct lab *lab = *test_state;
-
     local_bus_destroy(lab->bus);
     arena_fini(&lab->arena);
-    return 0;
 }
 
 /* Findings on external boards, in the order of the rig; how many. */
@@ -92,10 +84,11 @@ static size_t examine(struct lab *lab, double listen_s, const struct doctor_find
     return count;
 }
 
-TEST_WITH(says_which_board_is_silent_and_when_it_was_heard, open_lab, close_lab)
+BENCH(open_lab, struct lab, close_lab)
+
+TEST_ON(says_which_board_is_silent_and_when_it_was_heard, open_lab, lab)
 {
     const struct doctor_finding *found[DOCTOR_FINDINGS_MAX];
-    struct lab *lab = *test_state;
     struct bus_frame frame;
 
     lab->until_ns[0] = INT64_MAX;
@@ -114,10 +107,9 @@ TEST_WITH(says_which_board_is_silent_and_when_it_was_heard, open_lab, close_lab)
     assert_int_equal(can_receive(lab->real, &frame, 1), 0);
 }
 
-TEST_WITH(says_nothing_where_it_does_not_listen, open_lab, close_lab)
+TEST_ON(says_nothing_where_it_does_not_listen, open_lab, lab)
 {
     const struct doctor_finding *found[DOCTOR_FINDINGS_MAX];
-    struct lab *lab = *test_state;
     int64_t start;
 
     assert_int_equal(examine(lab, 0.0, found), 0);

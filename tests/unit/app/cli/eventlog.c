@@ -4,8 +4,6 @@
 #include "app/cli/cli.h"
 #include "tests/test.h"
 
-#include <string.h>
-
 /* what is printed goes into text */
 struct bench {
     struct eventlog log;

@@ -4,12 +4,11 @@
 #include "tests/test.h"
 
 #include <signal.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
+
+static struct error error;
 
 static char folder[64], path[96];
 
@@ -55,7 +54,6 @@ TEST_WITH(a_shell_reads_what_was_written, begin, end)
                                 .tables = "arm=00000000000000ff leg=0123456789abcdef",
                                 .page = "http://127.0.0.1:1/#token=5&x=1",
                                 .page_view = ""};
-    struct error error;
     struct stat info;
     char pid[16];
 
@@ -75,8 +73,6 @@ TEST_WITH(a_shell_reads_what_was_written, begin, end)
 
 TEST_WITH(what_a_run_has_not_has_no_line, begin, end)
 {
-    struct error error;
-
     assert_ok(ready_write(path, &(struct ready){.page_view = "a"}, &error));
     assert_shell_reads("page_view", "a");
     assert_shell_reads("clock", "none");
@@ -88,8 +84,6 @@ TEST_WITH(what_a_run_has_not_has_no_line, begin, end)
 
 TEST_WITH(it_is_gone_before_the_start_and_after_the_end, begin, end)
 {
-    struct error error;
-
     assert_ok(ready_begin(path, &error)); /* none is there */
     for (int i = 0; i < 2; i++) {
         assert_ok(ready_write(path, &(struct ready){.control = "x"}, &error));
@@ -107,7 +101,6 @@ TEST_WITH(it_is_gone_before_the_start_and_after_the_end, begin, end)
 TEST_WITH(a_file_of_a_living_run_stays, begin, end)
 {
     const pid_t child = fork();
-    struct error error;
     FILE *file;
 
     if (child == 0) {
@@ -135,7 +128,6 @@ TEST_WITH(a_link_stays, begin, end)
 {
     static const char *const to[] = {"there", "not-there", "/dev/null"};
     char file[128], where[128];
-    struct error error;
 
     snprintf(file, sizeof file, "%s/there", folder);
     fclose(fopen(file, "w"));
@@ -153,8 +145,6 @@ TEST_WITH(a_link_stays, begin, end)
 
 TEST_WITH(what_is_no_file_of_ours_stays, begin, end)
 {
-    struct error error;
-
     assert_int_equal(mkfifo(path, 0600), 0);
     assert_ok(ready_begin(path, &error));
     ready_end(path);
@@ -164,7 +154,6 @@ TEST_WITH(what_is_no_file_of_ours_stays, begin, end)
 TEST_WITH(a_file_of_somebody_else_stays, begin, end)
 {
     FILE *file = fopen(path, "w");
-    struct error error;
 
     assert_non_null(file);
     fputs("name: my rig\n", file);
@@ -181,7 +170,6 @@ TEST_WITH(a_file_of_somebody_else_stays, begin, end)
 
 TEST_WITH(a_place_that_cannot_be_written_is_an_error, begin, end)
 {
-    struct error error;
     char nowhere[128];
 
     snprintf(nowhere, sizeof nowhere, "%s/none/ready", folder);
@@ -191,8 +179,6 @@ TEST_WITH(a_place_that_cannot_be_written_is_an_error, begin, end)
 
 TEST_WITH(nothing_happens_without_a_path, begin, end)
 {
-    struct error error;
-
     assert_ok(ready_begin(NULL, &error));
     assert_ok(ready_write(NULL, &(struct ready){.control = "x"}, &error));
     ready_end(NULL);

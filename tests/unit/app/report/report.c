@@ -4,10 +4,9 @@
 #include "app/report/signals.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
+
+static struct error error;
 
 static char folder[] = "/tmp/hil-report-XXXXXX";
 
@@ -62,7 +61,6 @@ TEST(a_report_escapes_text_and_quotes_cells)
     const struct svg_series series = {.name = "a, b", .x = x, .y = y, .count = 2};
     const struct svg_plot plot = {.title = "plot", .series = &series, .nseries = 1};
     static struct report report;
-    struct error error;
 
     assert_ok(report_open(&report, folder, "a <title>", &error));
     report_section(&report, "one", "First: & more");
@@ -88,7 +86,6 @@ TEST(the_first_error_comes_back_when_it_closes)
 {
     static struct report report;
     struct svg_plot empty = {.title = "no series"};
-    struct error error;
 
     assert_ok(report_open(&report, folder, "title", &error));
     report_section(&report, "one", "One");
@@ -102,7 +99,6 @@ TEST(signals_are_read_by_title_within_a_time)
 {
     static const char *const titles[] = {"b", "a"};
     struct signals signals;
-    struct error error;
 
     write_file("signals.csv", "time_s,a,b\n0,1,2\n1,3,4\n2,5,6\n");
     assert_ok(signals_read(path_of("signals.csv"), titles, 2, 0.5, INFINITY, &signals, &error));
@@ -126,7 +122,6 @@ TEST(wrong_signals_are_refused_with_their_place)
     };
     static const char *const titles[] = {"a"};
     struct signals signals;
-    struct error error;
 
     for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
         write_file("signals.csv", wrong[i].text);

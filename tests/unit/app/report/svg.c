@@ -4,10 +4,8 @@
 #include "tests/test.h"
 
 #include <ctype.h>
-#include <math.h>
-#include <stdbool.h>
-#include <stdlib.h>
-#include <string.h>
+
+static struct error error;
 
 /* From the heap. */
 static char *draw(const struct svg_plot *plot)
@@ -15,7 +13,6 @@ static char *draw(const struct svg_plot *plot)
     char *text = NULL;
     size_t size = 0;
     FILE *out = open_memstream(&text, &size);
-    struct error error;
 
     assert_non_null(out);
     assert_no_error(svg_write(plot, out, &error), error.text);
@@ -224,7 +221,6 @@ TEST(a_plot_without_points_is_refused)
     static const double x[] = {1.0, -1.0}, y[] = {NAN, 1.0};
     const struct svg_series series[] = {{.name = "s", .x = x, .y = y, .count = 2}};
     struct svg_plot plot = plot_of(series, 1);
-    struct error error;
 
     plot.x.logarithmic = true;
     assert_int_equal(svg_write(&plot, stdout, &error), ERROR_INPUT);
@@ -239,7 +235,6 @@ TEST(a_full_disk_is_reported)
     const struct svg_series series[] = {{.name = "s", .x = x4, .y = y4, .count = 4}};
     const struct svg_plot plot = plot_of(series, 1);
     FILE *out = fopen("/dev/full", "w");
-    struct error error;
 
     assert_non_null(out);
     assert_int_equal(svg_write(&plot, out, &error), ERROR_SYSTEM);

@@ -4,10 +4,6 @@
 #include "app/scenario/private.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 enum { TICKS = 100 };

@@ -4,11 +4,6 @@
 #include "app/scenario/jobs.h"
 #include "app/scenario/private.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
-
 #include "tests/unit/arena_fixture.h"
 #include "tests/test.h"
 

@@ -10,9 +10,6 @@
 #include "canbus/wire/wire.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-#include <string.h>
-
 enum { LEFT_LEG = 1 };
 
 static struct arena arena;

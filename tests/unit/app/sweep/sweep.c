@@ -5,10 +5,6 @@
 
 #include "tests/unit/schema_limits.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 static struct sweep sweep;

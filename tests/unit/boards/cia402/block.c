@@ -13,18 +13,15 @@ enum { REQUEST = 0x604, REPLY = 0x584, DOMAIN_INDEX = 0x2001 };
 /* Sends a request that has no answer in this tick. */
 static void say(struct board_bench *bench, const char *request)
 {
-    bench_send(bench, 0, REQUEST, request);
-    bench_tick(bench);
+    bench_say(bench, 0, REQUEST, request);
     assert_int_equal(bench_sent(bench, 0, REPLY), 0);
 }
 
 /* ---- exchanges ---- */
 
 /* 31C3 is the checksum that the standard gives for these nine bytes. */
-TEST_WITH(blocks_carry_the_check_value_of_the_standard, set_up, bench_tear_down)
+TEST_ON(blocks_carry_the_check_value_of_the_standard, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     /* down: 7 and 2 bytes, n = 5 */
     sdo(bench, 4, "C6 00 20 00 09 00 00 00", "A4 00 20 00 7F 00 00 00");
     say(bench, "01 31 32 33 34 35 36 37");
@@ -63,10 +60,8 @@ TEST_WITH(blocks_carry_the_check_value_of_the_standard, set_up, bench_tear_down)
 }
 
 /* Up to the client's threshold the answer is that of an upload without blocks. */
-TEST_WITH(few_bytes_go_without_blocks, set_up, bench_tear_down)
+TEST_ON(few_bytes_go_without_blocks, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     sdo(bench, 4, "A4 08 10 00 7F 0F 00 00", "41 08 10 00 0F 00 00 00");
     sdo(bench, 4, "60 00 00 00 00 00 00 00", "00 63 6F 6D 61 6E 2D 68");
     sdo(bench, 4, "70 00 00 00 00 00 00 00", "10 69 6C 20 64 72 69 76");
@@ -76,10 +71,8 @@ TEST_WITH(few_bytes_go_without_blocks, set_up, bench_tear_down)
 }
 
 /* What a gap leaves out comes again, from either side. */
-TEST_WITH(a_block_goes_on_after_the_last_that_was_taken, set_up, bench_tear_down)
+TEST_ON(a_block_goes_on_after_the_last_that_was_taken, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     /* the second of three is lost; the third, being the last, has the block acknowledged */
     sdo(bench, 4, "C6 00 20 00 0F 00 00 00", "A4 00 20 00 7F 00 00 00");
     say(bench, "01 63 6F 6D 61 6E 2D 68");
@@ -149,11 +142,10 @@ static const struct refusal {
       "A2 01 7F 00 00 00 00 00", "D9 00 00 00 00 00 00 00", "80 29 10 01 31 00 09 06"}},
 };
 
-TEST_WITH(every_refusal_of_blocks_has_its_abort_code, set_up, bench_tear_down)
+TEST_ON(every_refusal_of_blocks_has_its_abort_code, start, bench)
 {
     const size_t count = sizeof refusals / sizeof *refusals;
     struct boards_counters counters;
-    struct board_bench *bench = *test_state;
 
     for (size_t i = 0; i < count; i++) {
         for (int line = 0; line < 8 && refusals[i].line[line]; line += 2) {
@@ -196,10 +188,8 @@ TEST(what_no_size_announced_is_held_within_the_object)
 
 /* ---- ends ---- */
 
-TEST_WITH(an_abort_or_a_new_request_ends_a_block_transfer, set_up, bench_tear_down)
+TEST_ON(an_abort_or_a_new_request_ends_a_block_transfer, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     sdo(bench, 4, DOWN);
     say(bench, "01 31 32 33 34 35 36 37");
     say(bench, "80 00 20 00 00 00 00 08");
@@ -240,10 +230,8 @@ TEST(a_silent_client_has_its_block_transfer_aborted_after_a_second)
 }
 
 /* A stopped node has no SDO. */
-TEST_WITH(a_stopped_node_sends_no_segments, set_up, bench_tear_down)
+TEST_ON(a_stopped_node_sends_no_segments, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     sdo(bench, 4, "A4 08 10 00 7F 00 00 00", "C6 08 10 00 0F 00 00 00");
     sdo(bench, 4, FIRST);
     nmt(bench, CIA402_NMT_STOP, 4);
@@ -276,9 +264,8 @@ static void return_to_moment(struct board_bench *bench, struct kept *kept)
 }
 
 /* Whatever came of the transfer meanwhile, from the checkpoint on it ends as it would have. */
-TEST_WITH(a_block_transfer_goes_on_from_a_checkpoint, set_up, bench_tear_down)
+TEST_ON(a_block_transfer_goes_on_from_a_checkpoint, start, bench)
 {
-    struct board_bench *bench = *test_state;
     struct kept kept;
 
     /* down, after the first of two segments: the other way it is aborted, and another text comes */

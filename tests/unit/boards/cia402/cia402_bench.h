@@ -43,15 +43,6 @@ static inline void start(struct board_bench *bench)
     bench_tick(bench);
 }
 
-FIXTURE(set_up)
-{
-    static struct board_bench bench;
-
-    start(&bench);
-    *test_state = &bench;
-    return 0;
-}
-
 /* ---- SDO ---- */
 
 /* Sends a request to a node of bus 0 and checks its one answer. */
@@ -119,5 +110,7 @@ static inline void nmt(struct board_bench *bench, unsigned command, unsigned nod
 
     boards_receive(bench->boards, bench->now_ns, 0, &frame);
 }
+
+BENCH(start, struct board_bench, bench_stop)
 
 #endif

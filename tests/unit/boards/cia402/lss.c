@@ -11,8 +11,7 @@ static const uint32_t address_20[4] = {0, 0x48494c00, 0x10000, 20};
 
 static void say(struct board_bench *bench, const char *request)
 {
-    bench_send(bench, 0, CIA402_LSS_REQUEST, request);
-    bench_tick(bench);
+    bench_say(bench, 0, CIA402_LSS_REQUEST, request);
 }
 
 /* A request that no node answers. */
@@ -49,8 +48,7 @@ static bool select_node(struct board_bench *bench, const uint32_t address[4])
 /* A value that SDO reads of a node of bus 0; UINT32_MAX: it does not answer. */
 static uint32_t device_type(struct board_bench *bench, unsigned node)
 {
-    bench_send(bench, 0, CIA402_SDO_REQUEST + node, "40 00 10 00 00 00 00 00");
-    bench_tick(bench);
+    bench_say(bench, 0, CIA402_SDO_REQUEST + node, "40 00 10 00 00 00 00 00");
     return bench_sent(bench, 0, CIA402_SDO_REPLY + node)
                ? get_u32_le(bench_find(bench, 0, CIA402_SDO_REPLY + node)->data + 4)
                : UINT32_MAX;
@@ -58,10 +56,8 @@ static uint32_t device_type(struct board_bench *bench, unsigned node)
 
 /* ---- states ---- */
 
-TEST_WITH(requests_are_obeyed_in_the_state_of_configuration_only, set_up, bench_tear_down)
+TEST_ON(requests_are_obeyed_in_the_state_of_configuration_only, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     say_unanswered(bench, "5E 00 00 00 00 00 00 00");
     say_unanswered(bench, "11 07 00 00 00 00 00 00");
     say_unanswered(bench, "17 00 00 00 00 00 00 00");
@@ -85,10 +81,9 @@ TEST_WITH(requests_are_obeyed_in_the_state_of_configuration_only, set_up, bench_
     assert_int_equal(READ(0x1018, 4), 4);
 }
 
-TEST_WITH(an_address_is_taken_whole_and_in_order, set_up, bench_tear_down)
+TEST_ON(an_address_is_taken_whole_and_in_order, start, bench)
 {
     uint32_t wrong[4];
-    struct board_bench *bench = *test_state;
 
     for (int part = 0; part < 4; part++) {
         memcpy(wrong, address_4, sizeof wrong);
@@ -102,10 +97,8 @@ TEST_WITH(an_address_is_taken_whole_and_in_order, set_up, bench_tear_down)
     assert_true(select_node(bench, address_4));
 }
 
-TEST_WITH(what_is_no_request_is_counted, set_up, bench_tear_down)
+TEST_ON(what_is_no_request_is_counted, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     say_unanswered(bench, "04 01");
     assert_int_equal(bench_counters(bench).malformed, 1);
     say_unanswered(bench, "99 00 00 00 00 00 00 00");
@@ -114,10 +107,8 @@ TEST_WITH(what_is_no_request_is_counted, set_up, bench_tear_down)
 
 /* ---- settings ---- */
 
-TEST_WITH(a_node_id_takes_effect_with_a_reset_of_communication, set_up, bench_tear_down)
+TEST_ON(a_node_id_takes_effect_with_a_reset_of_communication, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     WRITE(0x1801, 1, 4, 0x80000000 | 0x2a0); /* one that does not contain the Node-ID */
     WRITE(0x1010, 1, 4, 0x65766173);
     assert_true(select_node(bench, address_4));
@@ -150,10 +141,8 @@ TEST_WITH(a_node_id_takes_effect_with_a_reset_of_communication, set_up, bench_te
     assert_int_equal(READ(0x1801, 1), 0x800002a0);
 }
 
-TEST_WITH(a_stored_node_id_is_that_of_the_next_power_up, set_up, bench_tear_down)
+TEST_ON(a_stored_node_id_is_that_of_the_next_power_up, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     assert_true(select_node(bench, address_4));
     ask(bench, "11 07 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
     ask(bench, "17 00 00 00 00 00 00 00", "17 00 00 00 00 00 00 00");
@@ -163,10 +152,8 @@ TEST_WITH(a_stored_node_id_is_that_of_the_next_power_up, set_up, bench_tear_down
     say_unanswered(bench, "5E 00 00 00 00 00 00 00"); /* and it waits again */
 }
 
-TEST_WITH(other_bit_rates_are_refused, set_up, bench_tear_down)
+TEST_ON(other_bit_rates_are_refused, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     assert_true(select_node(bench, address_4));
     ask(bench, "13 00 00 00 00 00 00 00", "13 01 00 00 00 00 00 00");
     say_unanswered(bench, "15 0A 00 00 00 00 00 00");
@@ -185,16 +172,13 @@ static void unname(struct board_bench *bench, const uint32_t address[4], unsigne
     bench_tick(bench);
 }
 
-TEST_WITH(a_node_without_a_node_id_does_nothing_but_lss, set_up, bench_tear_down)
+TEST_ON(a_node_without_a_node_id_does_nothing_but_lss, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     WRITE(0x1017, 0, 2, 10);
     unname(bench, address_4, 4);
     nmt(bench, CIA402_NMT_START, 0);
     for (int ms = 0; ms < 50; ms++) {
-        bench_send(bench, 0, CIA402_SYNC, "");
-        bench_tick(bench);
+        bench_say(bench, 0, CIA402_SYNC, "");
         assert_int_equal(bench_sent(bench, 0, 0x704) + bench_sent(bench, 0, 0x084), 0);
     }
     assert_int_equal(device_type(bench, 4), UINT32_MAX);
@@ -211,10 +195,8 @@ TEST_WITH(a_node_without_a_node_id_does_nothing_but_lss, set_up, bench_tear_down
 
 /* Two nodes change places, which needs a third Node-ID; an address that was taken meanwhile leaves
  * its old owner without one. */
-TEST_WITH(a_node_id_belongs_to_one_node, set_up, bench_tear_down)
+TEST_ON(a_node_id_belongs_to_one_node, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     assert_true(select_node(bench, address_4));
     ask(bench, "11 05 00 00 00 00 00 00", "11 00 00 00 00 00 00 00");
     nmt(bench, CIA402_NMT_RESET_COMMUNICATION, 4);
@@ -273,9 +255,8 @@ static bool find_node(struct board_bench *bench, uint32_t address[4])
     return true;
 }
 
-TEST_WITH(a_master_finds_every_node_without_a_node_id, set_up, bench_tear_down)
+TEST_ON(a_master_finds_every_node_without_a_node_id, start, bench)
 {
-    struct board_bench *bench = *test_state;
     uint32_t found[4];
 
     assert_false(find_node(bench, found)); /* all have one */
@@ -295,10 +276,8 @@ TEST_WITH(a_master_finds_every_node_without_a_node_id, set_up, bench_tear_down)
     assert_false(find_node(bench, found));
 }
 
-TEST_WITH(a_scan_out_of_order_finds_nothing, set_up, bench_tear_down)
+TEST_ON(a_scan_out_of_order_finds_nothing, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     unname(bench, address_4, 4);
     assert_true(scan(bench, 0, 0x80, 0, 0));
     assert_false(scan(bench, address_4[1], 0, 1, 2)); /* the vendor comes first */

@@ -9,53 +9,48 @@ static void guard(struct board_bench *bench, unsigned node)
     boards_receive(bench->boards, bench->now_ns, 0, &frame);
 }
 
-TEST(a_node_boots_into_pre_operational)
-{
-    struct board_bench bench;
+BENCH(configure, struct board_bench, bench_stop)
 
-    configure(&bench);
-    bench.board[1].boot_ns = 3000000;
-    bench.board[3].transmit_at_start = true;
-    bench_start(&bench);
-    bench_tick(&bench);
-    bench_expect(&bench, 0, 0x704, "00");
-    bench_expect(&bench, 0, 0x71f, "00");
-    bench_expect(&bench, 1, 0x707, "00");
-    assert_int_equal(bench_sent(&bench, 0, 0x714), 0);
+TEST_ON(a_node_boots_into_pre_operational, configure, bench)
+{
+    bench->board[1].boot_ns = 3000000;
+    bench->board[3].transmit_at_start = true;
+    bench_start(bench);
+    bench_tick(bench);
+    bench_expect(bench, 0, 0x704, "00");
+    bench_expect(bench, 0, 0x71f, "00");
+    bench_expect(bench, 1, 0x707, "00");
+    assert_int_equal(bench_sent(bench, 0, 0x714), 0);
 
     /* the other one boots later; nothing else is said, but by the node that starts by itself */
-    assert_int_equal(bench.count[0], 2);
-    assert_int_equal(bench_sent(&bench, 1, 0x187), 1);
+    assert_int_equal(bench->count[0], 2);
+    assert_int_equal(bench_sent(bench, 1, 0x187), 1);
     for (int t = 0; t < 2; t++) {
-        bench_tick(&bench);
-        assert_int_equal(bench.count[0], t);
+        bench_tick(bench);
+        assert_int_equal(bench->count[0], t);
     }
-    bench_expect(&bench, 0, 0x714, "00");
-    bench_stop(&bench);
+    bench_expect(bench, 0, 0x714, "00");
 }
 
 /* After a reset it boots for restart_ns, so that a client can wait for the boot-up. */
-TEST(a_node_that_is_reset_takes_its_time)
+TEST_ON(a_node_that_is_reset_takes_its_time, configure, bench)
 {
-    struct board_bench bench;
     int ticks = 0;
 
-    configure(&bench);
-    bench.board[0].restart_ns = 50000000;
-    bench_start(&bench);
-    bench_tick(&bench);
-    bench_expect(&bench, 0, 0x704, "00"); /* a run begins with a node that is up */
-    nmt(&bench, CIA402_NMT_RESET_NODE, 4);
+    bench->board[0].restart_ns = 50000000;
+    bench_start(bench);
+    bench_tick(bench);
+    bench_expect(bench, 0, 0x704, "00"); /* a run begins with a node that is up */
+    nmt(bench, CIA402_NMT_RESET_NODE, 4);
     do {
-        bench_tick(&bench);
+        bench_tick(bench);
         ticks++;
-    } while (!bench_sent(&bench, 0, 0x704) && ticks < 1000);
+    } while (!bench_sent(bench, 0, 0x704) && ticks < 1000);
     assert_in_range(ticks, 50, 52);
-    bench_stop(&bench);
 }
 
 /* Which services a node has in which state (CiA 301, 7.3.2.2.5): PDO, SDO, NMT. */
-TEST_WITH(states_have_their_services, set_up, bench_tear_down)
+TEST_ON(states_have_their_services, start, bench)
 {
     static const struct {
         unsigned command, state;
@@ -63,7 +58,6 @@ TEST_WITH(states_have_their_services, set_up, bench_tear_down)
     } rows[] = {{CIA402_NMT_START, 5, true, true},  {CIA402_NMT_STOP, 4, false, false},
                 {CIA402_NMT_START, 5, true, true},  {CIA402_NMT_PRE_OPERATIONAL, 127, false, true},
                 {CIA402_NMT_STOP, 4, false, false}, {CIA402_NMT_PRE_OPERATIONAL, 127, false, true}};
-    struct board_bench *bench = *test_state;
 
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         char hex[8];
@@ -71,8 +65,7 @@ TEST_WITH(states_have_their_services, set_up, bench_tear_down)
         nmt(bench, rows[i].command, i % 2 ? 0 : 4);
         guard(bench, 4);
         bench_send(bench, 0, 0x604, "40 00 10 00 00 00 00 00");
-        bench_send(bench, 0, 0x204, "06 00");
-        bench_tick(bench);
+        bench_say(bench, 0, 0x204, "06 00");
         snprintf(hex, sizeof hex, "%02X", rows[i].state | (i % 2 ? 0x80u : 0));
         bench_expect(bench, 0, 0x704, hex);
         assert_int_equal(bench_sent(bench, 0, 0x584), rows[i].sdo);
@@ -80,9 +73,8 @@ TEST_WITH(states_have_their_services, set_up, bench_tear_down)
     }
 }
 
-TEST_WITH(a_heartbeat_comes_every_period, set_up, bench_tear_down)
+TEST_ON(a_heartbeat_comes_every_period, start, bench)
 {
-    struct board_bench *bench = *test_state;
     int beats = 0;
 
     WRITE(0x1017, 0, 2, 10);
@@ -129,10 +121,8 @@ static int ticks_until_emergency(struct board_bench *bench, const char *hex)
     return 0;
 }
 
-TEST_WITH(a_lost_heartbeat_stops_the_axis, set_up, bench_tear_down)
+TEST_ON(a_lost_heartbeat_stops_the_axis, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     WRITE(0x1016, 1, 4, 0x00640014); /* node 100, 20 ms */
     operate(bench);
     bench_ticks(bench, 50); /* none has been heard: none is lost */
@@ -152,8 +142,7 @@ TEST_WITH(a_lost_heartbeat_stops_the_axis, set_up, bench_tear_down)
 
     /* when the producer is heard again, that is told; the axis keeps its fault */
     assert_int_equal(READ(0x1001, 0), 0x11);
-    bench_send(bench, 0, 0x764, "05");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x764, "05");
     bench_expect(bench, 0, 0x084, "00 00 01 00 00 00 00 00");
     assert_int_equal(READ(0x1001, 0), 0x01);
     assert_int_equal(READ(0x6041, 0) & 0x4f, 0x08);
@@ -165,10 +154,8 @@ TEST_WITH(a_lost_heartbeat_stops_the_axis, set_up, bench_tear_down)
     assert_int_equal(READ(0x6041, 0) & 0x4f, 0x40);
 }
 
-TEST_WITH(lost_guarding_is_reported_and_the_node_leaves_operation, set_up, bench_tear_down)
+TEST_ON(lost_guarding_is_reported_and_the_node_leaves_operation, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     WRITE(0x100c, 0, 2, 10);
     WRITE(0x100d, 0, 1, 3);
     nmt(bench, CIA402_NMT_START, 4);
@@ -220,10 +207,8 @@ TEST(error_behavior_and_option_code_are_obeyed)
     }
 }
 
-TEST_WITH(parameters_survive_a_reset_when_stored, set_up, bench_tear_down)
+TEST_ON(parameters_survive_a_reset_when_stored, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     WRITE(0x1017, 0, 2, 500);
     WRITE(0x6081, 0, 4, 12345);
     WRITE(0x1010, 1, 4, 0x65766173); /* "save" */
@@ -253,10 +238,9 @@ TEST_WITH(parameters_survive_a_reset_when_stored, set_up, bench_tear_down)
     assert_int_equal(READ(0x6081, 0), 100000);
 }
 
-TEST_WITH(wrong_commands_are_counted, set_up, bench_tear_down)
+TEST_ON(wrong_commands_are_counted, start, bench)
 {
     struct boards_counters counters;
-    struct board_bench *bench = *test_state;
 
     nmt(bench, 3, 4);
     bench_send(bench, 0, 0x000, "01");

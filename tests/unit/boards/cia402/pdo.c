@@ -35,11 +35,10 @@ static void sync(struct board_bench *bench)
 
 /* ---- mapping ---- */
 
-TEST_WITH(the_factory_mapping_is_that_of_the_profile, set_up, bench_tear_down)
+TEST_ON(the_factory_mapping_is_that_of_the_profile, start, bench)
 {
     static const uint32_t second[2][4] = {{0, 0x60600008, 0x607a0020, 0x60ff0020},
                                           {0, 0x60610008, 0x60640020, 0x606c0020}};
-    struct board_bench *bench = *test_state;
 
     for (unsigned send = 0; send < 2; send++) {
         for (unsigned n = 0; n < 4; n++) {
@@ -59,10 +58,8 @@ TEST_WITH(the_factory_mapping_is_that_of_the_profile, set_up, bench_tear_down)
     }
 }
 
-TEST_WITH(mapping_rules_are_enforced, set_up, bench_tear_down)
+TEST_ON(mapping_rules_are_enforced, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     WRITE(0x1a01, 0, 1, 0);
 
     /* what may be mapped */
@@ -102,10 +99,8 @@ TEST_WITH(mapping_rules_are_enforced, set_up, bench_tear_down)
     WRITE(0x1401, 1, 4, 0x305);
 }
 
-TEST_WITH(a_dummy_is_skipped_and_bytes_are_little_endian, set_up, bench_tear_down)
+TEST_ON(a_dummy_is_skipped_and_bytes_are_little_endian, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     MAP(0x1401, 0x304, 255, 0x00060010, 0x60ff0020, 0x00020008, 0x60600008);
     nmt(bench, CIA402_NMT_START, 4);
     bench_send(bench, 0, 0x304, "AA BB 04 03 02 FF CC 03");
@@ -120,10 +115,9 @@ TEST_WITH(a_dummy_is_skipped_and_bytes_are_little_endian, set_up, bench_tear_dow
 
 /* ---- transmission ---- */
 
-TEST_WITH(synchronous_types_count_syncs, set_up, bench_tear_down)
+TEST_ON(synchronous_types_count_syncs, start, bench)
 {
     static const int types[] = {1, 2, 5, 240};
-    struct board_bench *bench = *test_state;
 
     nmt(bench, CIA402_NMT_START, 4);
     for (int i = 0; i < 4; i++) {
@@ -142,10 +136,8 @@ TEST_WITH(synchronous_types_count_syncs, set_up, bench_tear_down)
     }
 }
 
-TEST_WITH(type_0_answers_a_sync_after_a_change, set_up, bench_tear_down)
+TEST_ON(type_0_answers_a_sync_after_a_change, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     nmt(bench, CIA402_NMT_START, 4);
     MAP(0x1801, 0x284, 0, 0x40030020);
     sync(bench);
@@ -164,9 +156,8 @@ TEST_WITH(type_0_answers_a_sync_after_a_change, set_up, bench_tear_down)
     bench_expect(bench, 0, 0x284, "50 C3 00 00");
 }
 
-TEST_WITH(type_255_tells_changes_within_inhibit_and_event_times, set_up, bench_tear_down)
+TEST_ON(type_255_tells_changes_within_inhibit_and_event_times, start, bench)
 {
-    struct board_bench *bench = *test_state;
     int sent = 0;
 
     WRITE(0x1801, 3, 2, 50); /* 5 ms */
@@ -197,10 +188,8 @@ TEST_WITH(type_255_tells_changes_within_inhibit_and_event_times, set_up, bench_t
     assert_int_equal(bench_sent(bench, 0, 0x284), 1);
 }
 
-TEST_WITH(values_beyond_their_type_saturate, set_up, bench_tear_down)
+TEST_ON(values_beyond_their_type_saturate, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     MAP(0x1801, 0x284, 1, 0x40040010, 0x40070010, 0x40050010);
     nmt(bench, CIA402_NMT_START, 4);
     bench->sense[0] = (struct motor_sense){.q = -1.0, .current_a = -100.0, .torque_nm = 1e4};
@@ -209,10 +198,8 @@ TEST_WITH(values_beyond_their_type_saturate, set_up, bench_tear_down)
     bench_expect(bench, 0, 0x284, "FF 7F 00 80 FF 7F");
 }
 
-TEST_WITH(sensors_send_their_wrench_with_every_sync, set_up, bench_tear_down)
+TEST_ON(sensors_send_their_wrench_with_every_sync, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     nmt(bench, CIA402_NMT_START, 0);
     bench->ft = (struct ft_sense){.force_n = {12.34, -5.0, 1e6},
                                   .torque_nm = {1.234, 0.0, -1.0},
@@ -234,11 +221,10 @@ TEST_WITH(sensors_send_their_wrench_with_every_sync, set_up, bench_tear_down)
                      CIA402_FAULT_SATURATED | CIA402_FAULT_SENSOR);
 }
 
-TEST_WITH(the_inertial_node_sends_what_it_measures, set_up, bench_tear_down)
+TEST_ON(the_inertial_node_sends_what_it_measures, start, bench)
 {
     const struct bus_frame start_all = {.id = 0, .len = 2, .data = {1, 0}};
     const struct bus_frame tick = {.id = CIA402_SYNC};
-    struct board_bench *bench = *test_state;
 
     boards_receive(bench->boards, bench->now_ns, 1, &start_all);
     bench->sensors.imu = (struct imu_sense){.gyro_rad_s = {0.1, -0.2, 0.3},
@@ -256,14 +242,11 @@ TEST_WITH(the_inertial_node_sends_what_it_measures, set_up, bench_tear_down)
 
 /* ---- reception ---- */
 
-TEST_WITH(synchronous_rpdos_wait_for_the_next_sync, set_up, bench_tear_down)
+TEST_ON(synchronous_rpdos_wait_for_the_next_sync, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     MAP(0x1401, 0x304, 1, 0x60ff0020);
     nmt(bench, CIA402_NMT_START, 4);
-    bench_send(bench, 0, 0x304, "01 00 00 00");
-    bench_send(bench, 0, 0x304, "02 00 00 00");
+    bench_send(bench, 0, 0x304, "01 00 00 00; 02 00 00 00");
     bench_ticks(bench, 3);
     assert_int_equal(READ(0x60ff, 0), 0);
     sync(bench);
@@ -272,18 +255,14 @@ TEST_WITH(synchronous_rpdos_wait_for_the_next_sync, set_up, bench_tear_down)
     assert_int_equal(READ(0x60ff, 0), 2);
 }
 
-TEST_WITH(an_rpdo_of_another_length_raises_an_emergency, set_up, bench_tear_down)
+TEST_ON(an_rpdo_of_another_length_raises_an_emergency, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     MAP(0x1401, 0x304, 255, 0x60ff0020);
     nmt(bench, CIA402_NMT_START, 4);
-    bench_send(bench, 0, 0x304, "01 00 00");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x304, "01 00 00");
     bench_expect(bench, 0, 0x084, "10 82 11 00 00 00 00 00");
     assert_int_equal(READ(0x60ff, 0), 0);
-    bench_send(bench, 0, 0x304, "07 00 00 00 FF");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x304, "07 00 00 00 FF");
     bench_expect(bench, 0, 0x084, "20 82 11 00 00 00 00 00");
     assert_int_equal(READ(0x60ff, 0), 7);
 
@@ -296,9 +275,8 @@ TEST_WITH(an_rpdo_of_another_length_raises_an_emergency, set_up, bench_tear_down
     assert_int_equal(bench_counters(bench).malformed, 2);
 }
 
-TEST_WITH(a_frame_that_one_of_its_nodes_refuses_is_told_of_that_one, set_up, bench_tear_down)
+TEST_ON(a_frame_that_one_of_its_nodes_refuses_is_told_of_that_one, start, bench)
 {
-    struct board_bench *bench = *test_state;
     struct board_event event;
 
     /* Node 4 takes four bytes of 0x304, node 20 the two of its control word */
@@ -410,9 +388,8 @@ TEST(a_tpdo_is_sent_when_it_is_asked_for)
     }
 }
 
-TEST_WITH(emergencies_keep_their_inhibit_time, set_up, bench_tear_down)
+TEST_ON(emergencies_keep_their_inhibit_time, start, bench)
 {
-    struct board_bench *bench = *test_state;
     int last = -1000, sent = 0;
 
     WRITE(0x1015, 0, 2, 100); /* 10 ms */
@@ -435,8 +412,7 @@ TEST_WITH(emergencies_keep_their_inhibit_time, set_up, bench_tear_down)
 
     /* the register tells of it until one of the right length comes */
     assert_int_equal(READ(0x1001, 0), 0x11);
-    bench_send(bench, 0, 0x304, "00 00 00 00");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x304, "00 00 00 00");
     bench_expect(bench, 0, 0x084, "00 00 00 00 00 00 00 00");
     assert_int_equal(READ(0x1001, 0), 0x00);
 

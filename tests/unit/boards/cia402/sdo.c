@@ -10,10 +10,8 @@
 
 /* ---- exchanges ---- */
 
-TEST_WITH(expedited_transfers_read_and_write, set_up, bench_tear_down)
+TEST_ON(expedited_transfers_read_and_write, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     /* 4, 2 and 1 bytes up: n = 0, 2, 3 */
     sdo(bench, 4, "40 00 10 00 00 00 00 00", "43 00 10 00 92 01 FF FF");
     sdo(bench, 4, "40 17 10 00 00 00 00 00", "4B 17 10 00 00 00 00 00");
@@ -38,10 +36,8 @@ TEST_WITH(expedited_transfers_read_and_write, set_up, bench_tear_down)
     sdo(bench, 4, "40 60 60 00 00 00 00 00", "4F 60 60 00 FF 00 00 00");
 }
 
-TEST_WITH(segments_carry_what_is_longer, set_up, bench_tear_down)
+TEST_ON(segments_carry_what_is_longer, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     /* "coman-hil drive" is 15 bytes: 7, 7 and 1 with n = 6, c = 1; t alternates from 0 */
     sdo(bench, 4, "40 08 10 00 00 00 00 00", "41 08 10 00 0F 00 00 00");
     sdo(bench, 4, "60 00 00 00 00 00 00 00", "00 63 6F 6D 61 6E 2D 68");
@@ -71,13 +67,10 @@ TEST_WITH(segments_carry_what_is_longer, set_up, bench_tear_down)
     sdo(bench, 20, "60 00 00 00 00 00 00 00", "0F 00 00 00 00 00 00 00");
 }
 
-TEST_WITH(an_abort_or_a_new_request_ends_a_transfer, set_up, bench_tear_down)
+TEST_ON(an_abort_or_a_new_request_ends_a_transfer, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     sdo(bench, 4, "40 08 10 00 00 00 00 00", "41 08 10 00 0F 00 00 00");
-    bench_send(bench, 0, 0x604, "80 08 10 00 00 00 04 05");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x604, "80 08 10 00 00 00 04 05");
     assert_int_equal(bench_sent(bench, 0, 0x584), 0);
     sdo(bench, 4, "60 00 00 00 00 00 00 00", "80 08 10 00 01 00 04 05");
 
@@ -130,10 +123,9 @@ static const struct refusal {
     {"state: an object of a mapping in use", "23 01 1A 01 20 00 64 60", "80 01 1A 01 22 00 00 08"},
 };
 
-TEST_WITH(every_refusal_has_its_abort_code, set_up, bench_tear_down)
+TEST_ON(every_refusal_has_its_abort_code, start, bench)
 {
     struct boards_counters counters;
-    struct board_bench *bench = *test_state;
     const size_t count = sizeof refusals / sizeof *refusals;
 
     for (size_t i = 0; i < count; i++) {
@@ -143,10 +135,8 @@ TEST_WITH(every_refusal_has_its_abort_code, set_up, bench_tear_down)
     assert_int_equal(counters.unknown + counters.malformed, count);
 }
 
-TEST_WITH(segments_out_of_order_are_aborted, set_up, bench_tear_down)
+TEST_ON(segments_out_of_order_are_aborted, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     /* the toggle bit, up and down */
     sdo(bench, 4, "40 08 10 00 00 00 00 00", "41 08 10 00 0F 00 00 00");
     sdo(bench, 4, "70 00 00 00 00 00 00 00", "80 08 10 00 00 00 03 05");
@@ -174,20 +164,15 @@ TEST_WITH(segments_out_of_order_are_aborted, set_up, bench_tear_down)
     sdo(bench, 4, "60 00 00 00 00 00 00 00", "80 17 10 00 01 00 04 05");
 }
 
-TEST_WITH(a_request_of_another_length_is_counted_and_not_answered, set_up, bench_tear_down)
+TEST_ON(a_request_of_another_length_is_counted_and_not_answered, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x604, "40 00 10 00 00 00 00");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x604, "40 00 10 00 00 00 00");
     assert_int_equal(bench_sent(bench, 0, 0x584), 0);
     assert_int_equal(bench_counters(bench).malformed, 1);
 }
 
-TEST_WITH(gains_change_only_while_the_bridge_is_open, set_up, bench_tear_down)
+TEST_ON(gains_change_only_while_the_bridge_is_open, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     WRITE(0x4014, 1, 4, 100);
     WRITE(0x6060, 0, 1, 0xff);
     WRITE(0x6040, 0, 2, 6);
@@ -345,8 +330,7 @@ static void exchange_process_data(struct board_bench *bench, struct random_strea
     /* encoders of the bench have 65000 and 10000 ticks a rad; multiples of both are exact */
     bench->sense[0].qm = motor * 20e-5;
     bench->sense[0].q = (motor - deflection) * 20e-5;
-    bench_send(bench, 0, CIA402_SYNC, "");
-    bench_tick(bench);
+    bench_say(bench, 0, CIA402_SYNC, "");
     assert_int_equal(bench_sent(bench, 0, 0x284), 1);
     answer = bench_find(bench, 0, 0x284);
     assert_int_equal(answer->len, 6);
@@ -356,13 +340,12 @@ static void exchange_process_data(struct board_bench *bench, struct random_strea
                                                                           : deflection * 20);
 }
 
-TEST_WITH(random_exchanges_agree_with_a_simple_model, set_up, bench_tear_down)
+TEST_ON(random_exchanges_agree_with_a_simple_model, start, bench)
 {
     const char *wanted = getenv("CIA402_EXCHANGES");
     long exchanges = wanted ? atol(wanted) : 1000000;
     struct random_stream random = random_named(1, "cia402 exchanges");
     int64_t value[2][VARIABLES];
-    struct board_bench *bench = *test_state;
 
     map_process_data(bench);
     for (int i = 0; i < VARIABLES; i++) {

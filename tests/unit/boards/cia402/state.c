@@ -129,10 +129,9 @@ TEST(every_command_in_every_state_makes_its_transition)
     report("fault reaction active", "any controlword", 0, "not applicable in voltage mode");
 }
 
-TEST_WITH(a_drive_starts_not_ready_and_then_disabled, set_up, bench_tear_down)
+TEST_ON(a_drive_starts_not_ready_and_then_disabled, start, bench)
 {
     struct board_event event;
-    struct board_bench *bench = *test_state;
 
     assert_true(bench_event(bench, BOARD_EVENT_MODE, &event));
     assert_int_equal(event.a, CIA402_NOT_READY); /* 0 and 1 */
@@ -141,39 +140,36 @@ TEST_WITH(a_drive_starts_not_ready_and_then_disabled, set_up, bench_tear_down)
 }
 
 /* Bit 4 voltage enabled, 9 remote */
-TEST_WITH(the_statusword_tells_supply_and_remote, set_up, bench_tear_down)
+TEST_ON(the_statusword_tells_supply_and_remote, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     assert_int_equal(sdo_read(bench, 0, 4, 0x6041, 0) & 0x0290, 0x0210);
     bench->sensors.supply_v = 10.0;
     bench_ticks(bench, 3);
     assert_int_equal(sdo_read(bench, 0, 4, 0x6041, 0) & 0x0290, 0x0200);
 }
 
-TEST(a_fault_reset_needs_an_edge_and_the_cause_gone)
-{
-    struct board_bench bench;
+CLOSED_BENCH(board_bench, struct board_bench, bench_stop)
 
-    bring_to(&bench, CIA402_OPERATION_ENABLED);
-    bench.sensors.supply_v = 10.0;
-    bench_ticks(&bench, 3);
-    assert_true(is_in(&bench, CIA402_FAULT));
-    assert_false(bench.motor[0].bridge_on);
-    control(&bench, 0x80);
-    assert_true(is_in(&bench, CIA402_FAULT));
-    bench.sensors.supply_v = SUPPLY_V;
-    bench_ticks(&bench, 3);
-    control(&bench, 0x80); /* no edge */
-    assert_true(is_in(&bench, CIA402_FAULT));
-    control(&bench, 0x00);
-    control(&bench, 0x8f); /* a command beside it does not count */
-    assert_true(is_in(&bench, CIA402_SWITCH_ON_DISABLED));
-    control(&bench, 0x86);
-    assert_true(is_in(&bench, CIA402_SWITCH_ON_DISABLED));
-    control(&bench, 0x06);
-    assert_true(is_in(&bench, CIA402_READY_TO_SWITCH_ON));
-    bench_stop(&bench);
+TEST_ON(a_fault_reset_needs_an_edge_and_the_cause_gone, board_bench, bench)
+{
+    bring_to(bench, CIA402_OPERATION_ENABLED);
+    bench->sensors.supply_v = 10.0;
+    bench_ticks(bench, 3);
+    assert_true(is_in(bench, CIA402_FAULT));
+    assert_false(bench->motor[0].bridge_on);
+    control(bench, 0x80);
+    assert_true(is_in(bench, CIA402_FAULT));
+    bench->sensors.supply_v = SUPPLY_V;
+    bench_ticks(bench, 3);
+    control(bench, 0x80); /* no edge */
+    assert_true(is_in(bench, CIA402_FAULT));
+    control(bench, 0x00);
+    control(bench, 0x8f); /* a command beside it does not count */
+    assert_true(is_in(bench, CIA402_SWITCH_ON_DISABLED));
+    control(bench, 0x86);
+    assert_true(is_in(bench, CIA402_SWITCH_ON_DISABLED));
+    control(bench, 0x06);
+    assert_true(is_in(bench, CIA402_READY_TO_SWITCH_ON));
 }
 
 /* A motor that turns: the bench's rotor goes at a velocity. */
@@ -228,78 +224,66 @@ TEST(ramps_end_when_the_axis_stands)
 }
 
 /* As a host does that sends it every period: an axis that does not stop is given up all the same */
-TEST(a_controlword_that_is_repeated_does_not_restart_the_ramp)
+TEST_ON(a_controlword_that_is_repeated_does_not_restart_the_ramp, board_bench, bench)
 {
-    struct board_bench bench;
-
-    bring_to(&bench, CIA402_OPERATION_ENABLED);
-    assert_int_equal(sdo_write(&bench, 0, 4, 0x605b, 0, 2, 1), 0);
-    nmt(&bench, CIA402_NMT_START, 4);
-    turn(&bench, 1.0, 20);
+    bring_to(bench, CIA402_OPERATION_ENABLED);
+    assert_int_equal(sdo_write(bench, 0, 4, 0x605b, 0, 2, 1), 0);
+    nmt(bench, CIA402_NMT_START, 4);
+    turn(bench, 1.0, 20);
     for (int t = 0; t < 1950; t++) {
-        bench_send(&bench, 0, 0x204, "07 00");
-        turn(&bench, 1.0, 1);
+        bench_send(bench, 0, 0x204, "07 00");
+        turn(bench, 1.0, 1);
     }
-    assert_true(is_in(&bench, CIA402_OPERATION_ENABLED));
+    assert_true(is_in(bench, CIA402_OPERATION_ENABLED));
     for (int t = 0; t < 100; t++) {
-        bench_send(&bench, 0, 0x204, "07 00");
-        turn(&bench, 1.0, 1);
+        bench_send(bench, 0, 0x204, "07 00");
+        turn(bench, 1.0, 1);
     }
-    assert_true(is_in(&bench, CIA402_SWITCHED_ON));
+    assert_true(is_in(bench, CIA402_SWITCHED_ON));
 
     /* another command on the way leads to its own state */
-    control(&bench, 0x0f);
-    turn(&bench, 1.0, 20);
-    control(&bench, 0x07);
-    turn(&bench, 1.0, 20);
-    control(&bench, 0x06);
-    turn(&bench, 0.0, 400);
-    assert_true(is_in(&bench, CIA402_READY_TO_SWITCH_ON));
-    bench_stop(&bench);
+    control(bench, 0x0f);
+    turn(bench, 1.0, 20);
+    control(bench, 0x07);
+    turn(bench, 1.0, 20);
+    control(bench, 0x06);
+    turn(bench, 0.0, 400);
+    assert_true(is_in(bench, CIA402_READY_TO_SWITCH_ON));
 }
 
-TEST(an_enable_during_the_ramp_out_of_operation_cancels_it)
+TEST_ON(an_enable_during_the_ramp_out_of_operation_cancels_it, board_bench, bench)
 {
-    struct board_bench bench;
-
-    bring_to(&bench, CIA402_OPERATION_ENABLED);
-    turn(&bench, 2.0, 20);
-    control(&bench, 0x07);
-    turn(&bench, 1.0, 20);
-    control(&bench, 0x0f);
-    turn(&bench, 0.0, 400);
-    assert_true(is_in(&bench, CIA402_OPERATION_ENABLED));
-    bench_stop(&bench);
+    bring_to(bench, CIA402_OPERATION_ENABLED);
+    turn(bench, 2.0, 20);
+    control(bench, 0x07);
+    turn(bench, 1.0, 20);
+    control(bench, 0x0f);
+    turn(bench, 0.0, 400);
+    assert_true(is_in(bench, CIA402_OPERATION_ENABLED));
 }
 
-TEST(a_quick_stop_that_leads_out_is_not_resumed)
+TEST_ON(a_quick_stop_that_leads_out_is_not_resumed, board_bench, bench)
 {
-    struct board_bench bench;
-
-    bring_to(&bench, CIA402_OPERATION_ENABLED);
-    assert_int_equal(sdo_write(&bench, 0, 4, 0x605a, 0, 2, 2), 0);
-    turn(&bench, 2.0, 20);
-    control(&bench, 0x02);
-    control(&bench, 0x0f);
-    turn(&bench, 1.0, 5);
-    assert_true(is_in(&bench, CIA402_QUICK_STOP_ACTIVE));
-    turn(&bench, 0.0, 400);
-    assert_true(is_in(&bench, CIA402_SWITCH_ON_DISABLED));
-    bench_stop(&bench);
+    bring_to(bench, CIA402_OPERATION_ENABLED);
+    assert_int_equal(sdo_write(bench, 0, 4, 0x605a, 0, 2, 2), 0);
+    turn(bench, 2.0, 20);
+    control(bench, 0x02);
+    control(bench, 0x0f);
+    turn(bench, 1.0, 5);
+    assert_true(is_in(bench, CIA402_QUICK_STOP_ACTIVE));
+    turn(bench, 0.0, 400);
+    assert_true(is_in(bench, CIA402_SWITCH_ON_DISABLED));
 }
 
 /* NMT stop is a lost connection; 0x6007 = 3 asks for the quick stop that is under way. */
-TEST(a_lost_connection_does_not_disturb_a_quick_stop)
+TEST_ON(a_lost_connection_does_not_disturb_a_quick_stop, board_bench, bench)
 {
-    struct board_bench bench;
-
-    bring_to(&bench, CIA402_QUICK_STOP_ACTIVE);
-    assert_int_equal(sdo_write(&bench, 0, 4, 0x6007, 0, 2, 3), 0);
-    nmt(&bench, CIA402_NMT_STOP, 4);
-    bench_ticks(&bench, 5);
-    nmt(&bench, CIA402_NMT_PRE_OPERATIONAL, 4);
-    assert_true(is_in(&bench, CIA402_QUICK_STOP_ACTIVE));
-    bench_stop(&bench);
+    bring_to(bench, CIA402_QUICK_STOP_ACTIVE);
+    assert_int_equal(sdo_write(bench, 0, 4, 0x6007, 0, 2, 3), 0);
+    nmt(bench, CIA402_NMT_STOP, 4);
+    bench_ticks(bench, 5);
+    nmt(bench, CIA402_NMT_PRE_OPERATIONAL, 4);
+    assert_true(is_in(bench, CIA402_QUICK_STOP_ACTIVE));
 }
 
 /* A fault with which the axis can still be driven: too hot */
@@ -328,18 +312,15 @@ TEST(a_fault_reaction_stops_as_its_option_code_says)
     }
 }
 
-TEST(an_axis_that_does_not_stop_is_given_up_after_two_seconds)
+TEST_ON(an_axis_that_does_not_stop_is_given_up_after_two_seconds, board_bench, bench)
 {
-    struct board_bench bench;
-
-    bring_to(&bench, CIA402_OPERATION_ENABLED);
-    turn(&bench, 0.5, 20);
-    bench.sense[0].winding_c = 200.0;
-    turn(&bench, 0.5, 1900);
-    assert_true(is_in(&bench, CIA402_FAULT_REACTION_ACTIVE));
-    turn(&bench, 0.5, 200);
-    assert_true(is_in(&bench, CIA402_FAULT));
-    bench_stop(&bench);
+    bring_to(bench, CIA402_OPERATION_ENABLED);
+    turn(bench, 0.5, 20);
+    bench->sense[0].winding_c = 200.0;
+    turn(bench, 0.5, 1900);
+    assert_true(is_in(bench, CIA402_FAULT_REACTION_ACTIVE));
+    turn(bench, 0.5, 200);
+    assert_true(is_in(bench, CIA402_FAULT));
 }
 
 TEST(axes_of_a_node_are_on_their_own)

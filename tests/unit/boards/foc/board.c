@@ -2,10 +2,8 @@
 /* A bus of 2FOC boards: configuration, targets, answers, modes, limits and faults. */
 #include "tests/unit/boards/foc/foc_bench.h"
 
-TEST_WITH(every_target_is_answered_by_every_board_with_two_frames, set_up, bench_tear_down)
+TEST_ON(every_target_is_answered_by_every_board_with_two_frames, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_tick(bench);
     assert_null(bench_find(bench, 0, 0x110)); /* silence without targets */
     bench->sense[0].qm = 2.0 * M_PI / GEAR;   /* one revolution of the rotor */
@@ -33,10 +31,8 @@ TEST_WITH(every_target_is_answered_by_every_board_with_two_frames, set_up, bench
     assert_int_equal(bench_counters(bench).overflows, 24);
 }
 
-TEST_WITH(velocity_is_in_icubdeg_a_millisecond, set_up, bench_tear_down)
+TEST_ON(velocity_is_in_icubdeg_a_millisecond, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     for (int i = 1; i <= 30; i++) {
         bench->sense[0].qm = i * 1e-3 * 2.0; /* 2 rad/s at the link */
         bench_tick(bench);
@@ -68,51 +64,40 @@ TEST(a_board_is_idle_only_when_it_has_everything)
         assert_int_equal(bench_find(&bench, 0, 0x113)->data[0], 0xb0);
         assert_false(bench.motor[0].bridge_on);
         if (missing > 0) { /* without the protocol the rest has been refused */
-            bench_send(&bench, 0, 0x001, steps[missing]);
-            bench_tick(&bench);
+            bench_say(&bench, 0, 0x001, steps[missing]);
             bench_expect(&bench, 0, 0x113, "00 00 00 00 00 00 00 00"); /* told unasked */
         }
         bench_stop(&bench);
     }
 }
 
-TEST(only_the_very_protocol_is_acknowledged)
-{
-    struct board_bench bench;
+BENCH(configure, struct board_bench, bench_stop)
 
-    configure(&bench);
-    bench_start(&bench);
-    bench_ask(&bench, "5B 01 05", "5B 08 03 06 1F 01 06 00");
-    bench_ask(&bench, "5B 02 06", "5B 08 03 06 1F 01 06 00");
-    bench_ask(&bench, "5B 01 06", "5B 08 03 06 1F 01 06 01");
-    bench_ask(&bench, "07", "07 B0");
-    bench_ask(&bench, "33", "33 01");
-    bench_stop(&bench);
+TEST_ON(only_the_very_protocol_is_acknowledged, configure, bench)
+{
+    bench_start(bench);
+    bench_ask(bench, "5B 01 05", "5B 08 03 06 1F 01 06 00");
+    bench_ask(bench, "5B 02 06", "5B 08 03 06 1F 01 06 00");
+    bench_ask(bench, "5B 01 06", "5B 08 03 06 1F 01 06 01");
+    bench_ask(bench, "07", "07 B0");
+    bench_ask(bench, "33", "33 01");
 }
 
-TEST_WITH(discovery_tells_a_2foc_and_asks_of_more_are_not_answered, set_up, bench_tear_down)
+TEST_ON(discovery_tells_a_2foc_and_asks_of_more_are_not_answered, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x70f, "FF");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x70f, "FF");
     bench_expect(bench, 0, 0x710, "FF 08 03 06 1F");
     bench_expect(bench, 0, 0x730, "FF 08 03 06 1F");
     bench_expect(bench, 0, 0x7d0, "FF 06 03 00 05"); /* the STRAIN board beside them */
-    bench_send(bench, 0, 0x701, "0C");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x701, "0C");
     assert_int_equal(bench_sent(bench, 0, 0x710), 0);
     /* bit 7 of a command is no axis here, and most GETs are not there */
-    bench_send(bench, 0, 0x001, "89 50");
-    bench_send(bench, 0, 0x001, "14");
-    bench_send(bench, 0, 0x001, "53");
+    bench_send(bench, 0, 0x001, "89 50; 14; 53");
     assert_int_equal(bench_counters(bench).unknown, 3);
 }
 
-TEST_WITH(open_loop_is_a_share_of_the_supply_up_to_95_percent, set_up, bench_tear_down)
+TEST_ON(open_loop_is_a_share_of_the_supply_up_to_95_percent, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     enter(bench, "09 50");
     target(bench, "80 3E"); /* 16000: 50 % */
     assert_true(bench->motor[0].bridge_on);
@@ -146,10 +131,9 @@ TEST(a_mode_begins_with_set_point_0)
     }
 }
 
-TEST_WITH(modes_that_a_2foc_has_not_are_refused, set_up, bench_tear_down)
+TEST_ON(modes_that_a_2foc_has_not_are_refused, start, bench)
 {
     static const char *const modes[] = {"09 02", "09 03", "09 04", "09 08", "09 60", "09 A0"};
-    struct board_bench *bench = *test_state;
 
     for (int m = 0; m < 6; m++) {
         enter(bench, modes[m]);
@@ -159,10 +143,9 @@ TEST_WITH(modes_that_a_2foc_has_not_are_refused, set_up, bench_tear_down)
     assert_int_equal(bench_counters(bench).malformed, 6);
 }
 
-TEST_WITH(a_set_point_expires_after_50_ms, set_up, bench_tear_down)
+TEST_ON(a_set_point_expires_after_50_ms, start, bench)
 {
     struct board_event event;
-    struct board_bench *bench = *test_state;
     char text[256];
 
     enter(bench, "09 50");
@@ -233,9 +216,8 @@ TEST(faults_have_their_bits)
 }
 
 /* v += kp (e - e') + ki / 2 (e + e'), kp 146, ki 227, in 2^-15 thousandths of the supply a mA */
-TEST_WITH(the_current_law_is_the_firmware_s, set_up, bench_tear_down)
+TEST_ON(the_current_law_is_the_firmware_s, start, bench)
 {
-    struct board_bench *bench = *test_state;
     int64_t v = 0, before = 0;
     int32_t current = 0; /* mA, as the board has sampled it */
 
@@ -253,9 +235,8 @@ TEST_WITH(the_current_law_is_the_firmware_s, set_up, bench_tear_down)
     }
 }
 
-TEST_WITH(open_loop_holds_the_current_at_its_peak, set_up, bench_tear_down)
+TEST_ON(open_loop_holds_the_current_at_its_peak, start, bench)
 {
-    struct board_bench *bench = *test_state;
     double before;
 
     enter(bench, "09 50");
@@ -295,10 +276,8 @@ TEST(floats_set_the_same_gains_as_integers)
     bench_stop(&b);
 }
 
-TEST_WITH(position_mode_counts_from_where_it_began, set_up, bench_tear_down)
+TEST_ON(position_mode_counts_from_where_it_began, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->sense[0].qm = 0.5;
     bench_ticks(bench, 2);
     bench_send(bench, 0, 0x001, "7D 02 02 00 00 00 80 3F"); /* kp 1 of +-32000 an icubdeg */
@@ -309,10 +288,8 @@ TEST_WITH(position_mode_counts_from_where_it_began, set_up, bench_tear_down)
     assert_near(bench->motor[0].voltage_v, 0.1 * SUPPLY_V, 1e-9);
 }
 
-TEST_WITH(the_index_calibrates_the_encoder, set_up, bench_tear_down)
+TEST_ON(the_index_calibrates_the_encoder, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x001, "77 09 00 10 00 00 0E");
     target(bench, "00 00");
     assert_int_equal(bench_find(bench, 0, 0x113)->data[1], FOC_QE_NOT_CALIBRATED);
@@ -322,22 +299,19 @@ TEST_WITH(the_index_calibrates_the_encoder, set_up, bench_tear_down)
     assert_int_equal(bench_find(bench, 0, 0x113)->data[1], 0);
 }
 
-TEST(status_can_be_thinned_out)
+TEST_ON(status_can_be_thinned_out, configure, bench)
 {
-    struct board_bench bench;
     size_t sent = 0;
 
-    configure(&bench);
-    bench.board[0].status_period_ns = 10000000;
-    bench_start(&bench);
-    make_idle(&bench, 0x001);
+    bench->board[0].status_period_ns = 10000000;
+    bench_start(bench);
+    make_idle(bench, 0x001);
     for (int t = 0; t < 100; t++) {
-        target(&bench, "00 00");
-        sent += bench_sent(&bench, 0, 0x113);
-        assert_int_equal(bench_sent(&bench, 0, 0x110), 1);
+        target(bench, "00 00");
+        sent += bench_sent(bench, 0, 0x113);
+        assert_int_equal(bench_sent(bench, 0, 0x110), 1);
     }
     assert_int_equal(sent, 10);
-    bench_stop(&bench);
 }
 
 /* In answers to DESIRED_TARGETS, every 200 ms of board 1 and 400 ms of board 3, of a board that has
@@ -381,7 +355,7 @@ TEST(the_temperature_comes_with_answers_of_boards_with_a_thermometer)
     }
 }
 
-TEST_WITH(wrong_lengths_are_refused, set_up, bench_tear_down)
+TEST_ON(wrong_lengths_are_refused, start, bench)
 {
     static const char *const frames[] = {"09",
                                          "09 50 00",
@@ -403,7 +377,6 @@ TEST_WITH(wrong_lengths_are_refused, set_up, bench_tear_down)
                                          "65 01 00 00 C0 7F" /* not a number */,
                                          "02 09 00 00 80 3F",
                                          "32 00"};
-    struct board_bench *bench = *test_state;
 
     for (size_t i = 0; i < sizeof frames / sizeof *frames; i++) {
         struct bus_frame frame = {.id = 0x001};
@@ -419,10 +392,8 @@ TEST_WITH(wrong_lengths_are_refused, set_up, bench_tear_down)
     }
 }
 
-TEST_WITH(restarting_forgets_the_configuration, set_up, bench_tear_down)
+TEST_ON(restarting_forgets_the_configuration, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x701, "00");
     target(bench, "00 00");
     assert_int_equal(bench_sent(bench, 0, 0x110), 0);
@@ -431,36 +402,28 @@ TEST_WITH(restarting_forgets_the_configuration, set_up, bench_tear_down)
     assert_int_equal(bench_find(bench, 0, 0x113)->data[0], 0xb0);
 }
 
-TEST_WITH(another_protocol_on_another_bus_is_not_disturbed, set_up, bench_tear_down)
+TEST_ON(another_protocol_on_another_bus_is_not_disturbed, start, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 1, 0x10f, "00 10 00 10 00 10 00 10"); /* no such frame among iCub boards */
     assert_int_equal(bench_counters(bench).foreign, 1);
-    bench_send(bench, 1, 0x001, "09 50");
-    bench_send(bench, 1, 0x001, "72 35 05");
-    bench_tick(bench);
+    bench_say(bench, 1, 0x001, "09 50; 72 35 05");
     assert_near(bench->motor[3].voltage_v, SUPPLY_V, 1e-9);
     assert_false(bench->motor[0].bridge_on);
 }
 
 /* Of a servo valve: those modes that end in a voltage. */
-TEST(a_valve_has_no_modes_of_current)
+TEST_ON(a_valve_has_no_modes_of_current, configure, bench)
 {
-    struct board_bench bench;
-
-    configure(&bench);
-    bench.board[0].axis[0].valve = true;
-    bench_start(&bench);
-    make_idle(&bench, 0x001);
-    enter(&bench, "09 06");
-    enter(&bench, "09 0B");
-    bench_tick(&bench);
-    assert_false(bench.motor[0].bridge_on);
-    assert_true(bench_counters(&bench).malformed + bench_counters(&bench).unknown == 2);
-    enter(&bench, "09 50");
-    bench_tick(&bench);
-    assert_true(bench.motor[0].bridge_on);
-    assert_true(bench_counters(&bench).malformed + bench_counters(&bench).unknown == 2);
-    bench_stop(&bench);
+    bench->board[0].axis[0].valve = true;
+    bench_start(bench);
+    make_idle(bench, 0x001);
+    enter(bench, "09 06");
+    enter(bench, "09 0B");
+    bench_tick(bench);
+    assert_false(bench->motor[0].bridge_on);
+    assert_true(bench_counters(bench).malformed + bench_counters(bench).unknown == 2);
+    enter(bench, "09 50");
+    bench_tick(bench);
+    assert_true(bench->motor[0].bridge_on);
+    assert_true(bench_counters(bench).malformed + bench_counters(bench).unknown == 2);
 }

@@ -44,15 +44,6 @@ static inline void start(struct board_bench *bench)
     make_idle(bench, 0x003);
 }
 
-FIXTURE(set_up)
-{
-    static struct board_bench bench;
-
-    start(&bench);
-    *test_state = &bench;
-    return 0;
-}
-
 static inline void enter(struct board_bench *bench, const char *mode)
 {
     bench_send(bench, 0, 0x001, mode);
@@ -64,5 +55,7 @@ static inline void target(struct board_bench *bench, const char *hex)
     bench_send(bench, 0, 0x10f, hex);
     bench_tick(bench);
 }
+
+BENCH(start, struct board_bench, bench_stop)
 
 #endif

@@ -98,29 +98,26 @@ TEST(heat_cools_as_it_came)
     }
 }
 
+BENCH(start_differently, struct board_bench, bench_stop)
+
 /* As the firmware has it, heat counts in idle and in fault too: who switches on again at once trips
  * at once, who waits has what the waiting gave. */
-TEST(heat_stays_when_the_axis_is_switched_off)
+TEST_ON(heat_stays_when_the_axis_is_switched_off, start_differently, bench)
 {
-    struct board_bench bench;
+    show_current(bench, 0, 12.0); /* 128 A^2 above the nominal one */
+    assert_near(ticks_to_trip(bench), 3840.0, 3.0);
+    expect_fault(bench, 0, UINT32_C(1) << 22);
+    bench_send(bench, 0, 0x001, "09 09");
+    assert_int_equal(ticks_to_trip(bench), 1);
+    expect_fault(bench, 0, UINT32_C(1) << 22);
 
-    start_differently(&bench);
-    show_current(&bench, 0, 12.0); /* 128 A^2 above the nominal one */
-    assert_near(ticks_to_trip(&bench), 3840.0, 3.0);
-    expect_fault(&bench, 0, UINT32_C(1) << 22);
-    bench_send(&bench, 0, 0x001, "09 09");
-    assert_int_equal(ticks_to_trip(&bench), 1);
-    expect_fault(&bench, 0, UINT32_C(1) << 22);
-
-    show_current(&bench, 0, 0.0); /* cools by 16 A^2: 1600 ms of it are 200 ms of the other */
-    run_targets(&bench, 1600);
-    bench_send(&bench, 0, 0x001, "09 09");
-    bench_send(&bench, 0, 0x001, "09 50");
-    run_targets(&bench, 1);
-    assert_true(bench.motor[0].bridge_on);
-    show_current(&bench, 0, 12.0);
-    assert_near(ticks_to_trip(&bench), 200.0, 3.0);
-    bench_stop(&bench);
+    show_current(bench, 0, 0.0); /* cools by 16 A^2: 1600 ms of it are 200 ms of the other */
+    run_targets(bench, 1600);
+    bench_send(bench, 0, 0x001, "09 09; 09 50");
+    run_targets(bench, 1);
+    assert_true(bench->motor[0].bridge_on);
+    show_current(bench, 0, 12.0);
+    assert_near(ticks_to_trip(bench), 200.0, 3.0);
 }
 
 /* ---- faults that come twice ---- */
@@ -156,33 +153,30 @@ TEST(an_over_current_trips_again_after_it_was_enabled_again)
 }
 
 /* A second cause while the first is latched is told, too; both are cleared together. */
-TEST(faults_gather_until_they_are_cleared)
+TEST_ON(faults_gather_until_they_are_cleared, start_differently, bench)
 {
     struct board_event event;
-    struct board_bench bench;
 
-    start_differently(&bench);
-    bench.sensors.supply_v = nextafter(24.0, 0.0);
-    run_targets(&bench, 3);
-    bench.sensors.supply_v = 24.0; /* at the limit there is none */
-    run_targets(&bench, 3);
+    bench->sensors.supply_v = nextafter(24.0, 0.0);
+    run_targets(bench, 3);
+    bench->sensors.supply_v = 24.0; /* at the limit there is none */
+    run_targets(bench, 3);
     for (int axis = 0; axis < AXES; axis++) {
-        assert_true(bench_event(&bench, BOARD_EVENT_FAULT, &event));
+        assert_true(bench_event(bench, BOARD_EVENT_FAULT, &event));
         assert_int_equal(event.a, FOC_FAULT_UNDER_VOLTAGE);
-        assert_int_equal(get_u32_le(bench_find(&bench, 0, status_id[axis])->data + 4),
+        assert_int_equal(get_u32_le(bench_find(bench, 0, status_id[axis])->data + 4),
                          FOC_FAULT_UNDER_VOLTAGE);
-        bench_send(&bench, 0, command_id[axis], "09 09");
-        bench_send(&bench, 0, command_id[axis], "09 50");
+        bench_send(bench, 0, command_id[axis], "09 09");
+        bench_send(bench, 0, command_id[axis], "09 50");
     }
-    run_targets(&bench, 3);
-    assert_true(bench.motor[0].bridge_on && bench.motor[1].bridge_on);
-    while (bench_event(&bench, BOARD_EVENT_FAULT, &event)) {
+    run_targets(bench, 3);
+    assert_true(bench->motor[0].bridge_on && bench->motor[1].bridge_on);
+    while (bench_event(bench, BOARD_EVENT_FAULT, &event)) {
         assert_int_equal(event.board, 4); /* the supply is that of all boards */
     }
-    show_current(&bench, 1, 9.5);
-    assert_int_equal(ticks_to_trip(&bench), 1);
-    expect_fault(&bench, 1, FOC_FAULT_OVER_CURRENT); /* of the under-voltage nothing is left */
-    bench_stop(&bench);
+    show_current(bench, 1, 9.5);
+    assert_int_equal(ticks_to_trip(bench), 1);
+    expect_fault(bench, 1, FOC_FAULT_OVER_CURRENT); /* of the under-voltage nothing is left */
 }
 
 /* ---- integrals ---- */

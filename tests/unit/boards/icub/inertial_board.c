@@ -29,11 +29,12 @@ static void start(struct board_bench *bench, bool at_once)
 
 static void config(struct board_bench *bench, const char *hex)
 {
-    bench_send(bench, 0, 0x209, hex);
-    bench_tick(bench);
+    bench_say(bench, 0, 0x209, hex);
 }
 
-TEST(every_sensor_has_its_frame_in_order)
+CLOSED_BENCH(board_bench, struct board_bench, bench_stop)
+
+TEST_ON(every_sensor_has_its_frame_in_order, board_bench, bench)
 {
     static const char *const triple[] = {
         "00 00 64 00 38 FF D5 03", /* 100, -200, 981 cm/s2 */
@@ -43,14 +44,13 @@ TEST(every_sensor_has_its_frame_in_order)
         "00 05 64 00 38 FF 00 00", /* less gravity */
         "00 06 00 00 00 00 D5 03", "00 0F FF 00 00 00 00 00",
     };
-    struct board_bench bench;
     size_t sent = 0;
 
-    start(&bench, false);
-    config(&bench, "34 7F 80 01");
-    config(&bench, "35 01");
-    for (size_t i = 0; i < bench.count[0]; i++) {
-        const struct bus_frame *frame = &bench.frame[0][i];
+    start(bench, false);
+    config(bench, "34 7F 80 01");
+    config(bench, "35 01");
+    for (size_t i = 0; i < bench->count[0]; i++) {
+        const struct bus_frame *frame = &bench->frame[0][i];
 
         if (frame->id == TRIPLE) {
             assert_true(sent < 7);
@@ -58,116 +58,99 @@ TEST(every_sensor_has_its_frame_in_order)
         }
     }
     assert_int_equal(sent, 7);
-    bench_expect(&bench, 0, QUATERNION, "6D 37 00 00 00 00 00 20"); /* 14189, 8192 */
-    bench_tick(&bench);
-    assert_int_equal(bench_find(&bench, 0, TRIPLE)->data[0], 1); /* the next period */
-    bench_stop(&bench);
+    bench_expect(bench, 0, QUATERNION, "6D 37 00 00 00 00 00 20"); /* 14189, 8192 */
+    bench_tick(bench);
+    assert_int_equal(bench_find(bench, 0, TRIPLE)->data[0], 1); /* the next period */
 }
 
-TEST(mask_and_period_are_obeyed)
+TEST_ON(mask_and_period_are_obeyed, board_bench, bench)
 {
-    struct board_bench bench;
     size_t gyro = 0, others = 0;
 
-    start(&bench, false);
-    bench_ticks(&bench, 20);
-    assert_int_equal(bench_sent(&bench, 0, TRIPLE), 0);
-    config(&bench, "34 04 00 01 00 00 00 00");
-    config(&bench, "35 07");
+    start(bench, false);
+    bench_ticks(bench, 20);
+    assert_int_equal(bench_sent(bench, 0, TRIPLE), 0);
+    config(bench, "34 04 00 01 00 00 00 00");
+    config(bench, "35 07");
     for (int t = 0; t < 70; t++) {
-        bench_tick(&bench);
-        gyro += bench_sent(&bench, 0, TRIPLE);
-        others += bench_sent(&bench, 0, QUATERNION);
+        bench_tick(bench);
+        gyro += bench_sent(bench, 0, TRIPLE);
+        others += bench_sent(bench, 0, QUATERNION);
     }
     assert_int_equal(gyro, 10);
     assert_int_equal(others, 0);
     /* 0 stops; SET_CONFIG does too, until the next TRANSMIT */
     for (int i = 0; i < 2; i++) {
-        config(&bench, "35 01");
-        assert_int_equal(bench_sent(&bench, 0, TRIPLE), 1);
-        config(&bench, i ? "35 00" : "34 04 00 01");
-        bench_ticks(&bench, 3);
-        assert_int_equal(bench_sent(&bench, 0, TRIPLE), 0);
+        config(bench, "35 01");
+        assert_int_equal(bench_sent(bench, 0, TRIPLE), 1);
+        config(bench, i ? "35 00" : "34 04 00 01");
+        bench_ticks(bench, 3);
+        assert_int_equal(bench_sent(bench, 0, TRIPLE), 0);
     }
-    bench_stop(&bench);
 }
 
-TEST(config_is_told_and_identity_too)
+TEST_ON(config_is_told_and_identity_too, board_bench, bench)
 {
-    struct board_bench bench;
-
-    start(&bench, true);
-    bench_ticks(&bench, 5);
-    assert_int_equal(bench_sent(&bench, 0, TRIPLE), 2);
-    assert_int_equal(bench_sent(&bench, 0, QUATERNION), 1);
-    config(&bench, "33");
-    bench_expect(&bench, 0, 0x290, "33 15 00 01 00 00 00 00");
-    config(&bench, "34 34 12 21 01 02 03 04");
-    config(&bench, "33");
-    bench_expect(&bench, 0, 0x290, "33 34 12 21 01 02 03 04");
-    config(&bench, "1C 01 00");
-    bench_expect(&bench, 0, 0x290, "1C 0D 01 00 01 01 00 01");
-    bench_send(&bench, 0, 0x70f, "FF");
-    bench_tick(&bench);
-    bench_expect(&bench, 0, 0x790, "FF 0D 01 00 01");
-    bench_stop(&bench);
+    start(bench, true);
+    bench_ticks(bench, 5);
+    assert_int_equal(bench_sent(bench, 0, TRIPLE), 2);
+    assert_int_equal(bench_sent(bench, 0, QUATERNION), 1);
+    config(bench, "33");
+    bench_expect(bench, 0, 0x290, "33 15 00 01 00 00 00 00");
+    config(bench, "34 34 12 21 01 02 03 04");
+    config(bench, "33");
+    bench_expect(bench, 0, 0x290, "33 34 12 21 01 02 03 04");
+    config(bench, "1C 01 00");
+    bench_expect(bench, 0, 0x290, "1C 0D 01 00 01 01 00 01");
+    bench_say(bench, 0, 0x70f, "FF");
+    bench_expect(bench, 0, 0x790, "FF 0D 01 00 01");
 }
 
-TEST(wrong_commands_are_counted)
+TEST_ON(wrong_commands_are_counted, board_bench, bench)
 {
-    struct board_bench bench;
-
-    start(&bench, true);
-    config(&bench, "34 7F 80");
-    config(&bench, "35");
-    config(&bench, "35 01 02");
-    assert_int_equal(bench_counters(&bench).malformed, 3);
-    config(&bench, "07 00"); /* of STRAIN boards */
-    assert_int_equal(bench_counters(&bench).unknown, 1);
-    assert_int_equal(bench_counters(&bench).malformed, 3);
-    config(&bench, "32 08");
-    bench_ticks(&bench, 5);
-    assert_int_equal(bench_sent(&bench, 0, TRIPLE), 0);
-    bench_stop(&bench);
+    start(bench, true);
+    config(bench, "34 7F 80");
+    config(bench, "35");
+    config(bench, "35 01 02");
+    assert_int_equal(bench_counters(bench).malformed, 3);
+    config(bench, "07 00"); /* of STRAIN boards */
+    assert_int_equal(bench_counters(bench).unknown, 1);
+    assert_int_equal(bench_counters(bench).malformed, 3);
+    config(bench, "32 08");
+    bench_ticks(bench, 5);
+    assert_int_equal(bench_sent(bench, 0, TRIPLE), 0);
 }
 
 /* Without fusion, or without a reading, what needs the orientation is 0 and the status says so. */
-TEST(status_tells_what_is_missing)
+TEST_ON(status_tells_what_is_missing, board_bench, bench)
 {
-    struct board_bench bench;
-
-    start(&bench, false);
-    config(&bench, "34 18 80 21");
-    config(&bench, "35 01");
-    bench_expect_frame(bench_find(&bench, 0, TRIPLE), TRIPLE, "00 03 00 00 00 00 00 00");
-    bench_expect(&bench, 0, QUATERNION, "00 00 00 00 00 00 00 00");
-    config(&bench, "34 00 80 01");
-    bench.sensors.imu.gyro_rad_s[1] = NAN;
-    bench.sensors.imu.accel_m_s2[2] = 1000.0;
-    config(&bench, "35 01");
-    bench_expect(&bench, 0, TRIPLE, "01 0F CF 00 21 00 04 00");
-    bench.sensors.imu.gyro_rad_s[1] = 0.0;
-    memset(bench.sensors.imu.quaternion, 0, sizeof bench.sensors.imu.quaternion);
-    bench_tick(&bench);
-    bench_expect(&bench, 0, TRIPLE, "02 0F 3F 00 01 00 00 00");
-    bench_stop(&bench);
+    start(bench, false);
+    config(bench, "34 18 80 21");
+    config(bench, "35 01");
+    bench_expect_frame(bench_find(bench, 0, TRIPLE), TRIPLE, "00 03 00 00 00 00 00 00");
+    bench_expect(bench, 0, QUATERNION, "00 00 00 00 00 00 00 00");
+    config(bench, "34 00 80 01");
+    bench->sensors.imu.gyro_rad_s[1] = NAN;
+    bench->sensors.imu.accel_m_s2[2] = 1000.0;
+    config(bench, "35 01");
+    bench_expect(bench, 0, TRIPLE, "01 0F CF 00 21 00 04 00");
+    bench->sensors.imu.gyro_rad_s[1] = 0.0;
+    memset(bench->sensors.imu.quaternion, 0, sizeof bench->sensors.imu.quaternion);
+    bench_tick(bench);
+    bench_expect(bench, 0, TRIPLE, "02 0F 3F 00 01 00 00 00");
 }
 
-TEST(a_restart_forgets_mask_and_period)
+TEST_ON(a_restart_forgets_mask_and_period, board_bench, bench)
 {
-    struct board_bench bench;
-
-    start(&bench, false);
-    config(&bench, "34 04 00 01");
-    config(&bench, "35 01");
-    bench_send(&bench, 0, 0x709, "00");
-    bench_tick(&bench);
-    bench_send(&bench, 0, 0x709, "04");
-    bench_ticks(&bench, 2);
-    config(&bench, "33");
-    bench_expect(&bench, 0, 0x290, "33 00 00 01 00 00 00 00");
-    assert_int_equal(bench_sent(&bench, 0, TRIPLE), 0);
-    bench_stop(&bench);
+    start(bench, false);
+    config(bench, "34 04 00 01");
+    config(bench, "35 01");
+    bench_say(bench, 0, 0x709, "00");
+    bench_send(bench, 0, 0x709, "04");
+    bench_ticks(bench, 2);
+    config(bench, "33");
+    bench_expect(bench, 0, 0x290, "33 00 00 01 00 00 00 00");
+    assert_int_equal(bench_sent(bench, 0, TRIPLE), 0);
 }
 
 /* Between 50 and 100 ms; before and after a frame of type 3 each millisecond. */

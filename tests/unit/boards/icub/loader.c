@@ -8,8 +8,7 @@ enum { LOADER = 0x701, ANSWER = 0x710 }; /* to motor board 1, and from it */
 /* Sends to board 1 and checks the one answer of the next tick; NULL: none. */
 static void loader_ask(struct board_bench *bench, const char *request, const char *answer)
 {
-    bench_send(bench, 0, LOADER, request);
-    bench_tick(bench);
+    bench_say(bench, 0, LOADER, request);
     if (answer) {
         bench_expect(bench, 0, ANSWER, answer);
     } else {
@@ -17,13 +16,9 @@ static void loader_ask(struct board_bench *bench, const char *request, const cha
     }
 }
 
-TEST_WITH(start_resets_into_a_bootloader_of_a_dsp, bench_set_up, bench_tear_down)
+TEST_ON(start_resets_into_a_bootloader_of_a_dsp, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x001, "1E 64 00");
-    bench_send(bench, 0, 0x001, "49 7F 00 00 00");
-    bench_send(bench, 0, 0x001, "09 50");
+    bench_send(bench, 0, 0x001, "1E 64 00; 49 7F 00 00 00; 09 50");
     loader_ask(bench, "04", "04 01"); /* a ping of the application */
     assert_true(bench->motor[0].bridge_on);
     loader_ask(bench, "00", "00 01");
@@ -31,8 +26,7 @@ TEST_WITH(start_resets_into_a_bootloader_of_a_dsp, bench_set_up, bench_tear_down
     bench_send(bench, 0, 0x001, "1F"); /* the application is not there */
     loader_ask(bench, "FF", "FF 00 02 51");
     assert_int_equal(bench->count[0], 1);
-    bench_send(bench, 0, 0x70f, "FF"); /* nor for what goes to everyone */
-    bench_tick(bench);
+    bench_say(bench, 0, 0x70f, "FF"); /* nor for what goes to everyone */
     bench_expect(bench, 0, 0x710, "FF 00 02 51");
     bench_expect(bench, 0, 0x720, "FF 04 02 51 57");
     bench_expect(bench, 0, 0x7d0, "FF 06 03 00 05");
@@ -56,8 +50,7 @@ TEST(without_a_host_the_application_starts_after_five_seconds)
     bench_open(&bench);
     loader_ask(&bench, "00", "00 01");
     bench_ticks(&bench, 4998);
-    bench_send(&bench, 0, 0x001, "07"); /* at the beginning of the last tick */
-    bench_tick(&bench);
+    bench_say(&bench, 0, 0x001, "07"); /* at the beginning of the last tick */
     assert_int_equal(bench.count[0], 0);
     bench_stop(&bench);
 }
@@ -82,8 +75,7 @@ TEST(a_host_that_finds_the_bootloader_keeps_it_there)
                 loader_ask(&bench, "00", "00 01");
             }
             bench_ticks(&bench, 4000);
-            bench_send(&bench, 0, hosts[i].id, hosts[i].frame);
-            bench_tick(&bench);
+            bench_say(&bench, 0, hosts[i].id, hosts[i].frame);
             bench_expect(&bench, 0, ANSWER, hosts[i].answer);
             bench_ticks(&bench, 20000);
             loader_ask(&bench, "FF", "FF 00 02 51");
@@ -107,11 +99,10 @@ static void send_download(struct board_bench *bench)
 }
 
 /* The checksum is that of zlib.crc32 over 84 00 00, the fourteen, 00 20 01, the four. */
-TEST_WITH(a_download_is_kept_and_told, bench_configured, bench_tear_down)
+TEST_ON(a_download_is_kept_and_told, bench_configure, bench)
 {
     struct board_firmware firmware;
     struct board_event event;
-    struct board_bench *bench = *test_state;
 
     bench->board[0].keep_firmware = true;
     bench_start(bench);
@@ -149,10 +140,9 @@ TEST_WITH(a_download_is_kept_and_told, bench_configured, bench_tear_down)
     assert_false(bench_event(bench, BOARD_EVENT_FIRMWARE, &event));
 }
 
-TEST_WITH(what_is_no_download_is_not_acknowledged, bench_configured, bench_tear_down)
+TEST_ON(what_is_no_download_is_not_acknowledged, bench_configure, bench)
 {
     struct board_firmware firmware;
-    struct board_bench *bench = *test_state;
 
     bench->board[0].boot_ns = INT64_C(5000000000);
     bench_start(bench);
@@ -187,46 +177,35 @@ TEST_WITH(what_is_no_download_is_not_acknowledged, bench_configured, bench_tear_
 }
 
 /* Loader programs address START to a board, and the lines of the file to everyone. */
-TEST_WITH(a_download_to_everyone_is_for_boards_that_were_started, bench_configured, bench_tear_down)
+TEST_ON(a_download_to_everyone_is_for_boards_that_were_started, bench_configure, bench)
 {
     struct board_firmware firmware;
-    struct board_bench *bench = *test_state;
 
     bench->board[1].boot_ns = INT64_C(5000000000); /* in its bootloader, but not started */
     bench_start(bench);
     loader_ask(bench, "00", "00 01");
     loader_ask(bench, "00", "00 01");
-    bench_send(bench, 0, 0x70f, "01 04 00 20 01");
-    bench_send(bench, 0, 0x70f, "03 FF EE DD CC");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x70f, "01 04 00 20 01; 03 FF EE DD CC");
     bench_expect(bench, 0, ANSWER, "03 01");
-    bench_send(bench, 0, 0x70f, "02 84 00 00 00");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x70f, "02 84 00 00 00");
     bench_expect(bench, 0, ANSWER, "02 01");
     assert_int_equal(bench->count[0], 1);
     assert_true(boards_firmware(bench->boards, 0, &firmware));
     assert_int_equal(firmware.bytes, 4);
 
     /* END leads every board out of its bootloader, and is nothing to an application */
-    bench_send(bench, 0, 0x70f, "04");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x70f, "04");
     bench_expect(bench, 0, ANSWER, "04 01");
     bench_expect(bench, 0, 0x720, "04 01");
-    bench_send(bench, 0, 0x70f, "04");
-    bench_send(bench, 0, 0x70f, "00");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x70f, "04; 00");
     assert_int_equal(bench->count[0], 0);
     assert_int_equal(bench_counters(bench).malformed, 0);
 }
 
-TEST_WITH(other_boards_say_in_the_bootloader_what_they_are, bench_set_up, bench_tear_down)
+TEST_ON(other_boards_say_in_the_bootloader_what_they_are, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x70d, "00 00"); /* STRAIN: with a byte whether the EEPROM goes too */
-    bench_tick(bench);
+    bench_say(bench, 0, 0x70d, "00 00"); /* STRAIN: with a byte whether the EEPROM goes too */
     bench_expect(bench, 0, 0x7d0, "00 01");
-    bench_send(bench, 0, 0x70d, "FF");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x70d, "FF");
     bench_expect(bench, 0, 0x7d0, "FF 06 03 00");
 }

@@ -5,12 +5,9 @@
  */
 #include "tests/unit/boards/board_bench.h"
 
-TEST_WITH(discovery_finds_every_board_with_its_type, bench_set_up, bench_tear_down)
+TEST_ON(discovery_finds_every_board_with_its_type, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x70f, "FF");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x70f, "FF");
     assert_int_equal(bench->count[0], 4);
     assert_int_equal(bench->count[1], 0);
     bench_expect_frame(&bench->frame[0][0], 0x710, "FF 04 02 51 57");
@@ -18,15 +15,12 @@ TEST_WITH(discovery_finds_every_board_with_its_type, bench_set_up, bench_tear_do
     bench_expect_frame(&bench->frame[0][2], 0x7c0, "FF 06 03 00 05");
     bench_expect_frame(&bench->frame[0][3], 0x7d0, "FF 06 03 00 05");
     /* one board alone, asked by host address 3 */
-    bench_send(bench, 1, 0x731, "FF");
-    bench_tick(bench);
+    bench_say(bench, 1, 0x731, "FF");
     bench_expect(bench, 1, 0x713, "FF 04 02 51 57");
 }
 
-TEST_WITH(firmware_version_has_protocol_and_acknowledge, bench_set_up, bench_tear_down)
+TEST_ON(firmware_version_has_protocol_and_acknowledge, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_ask(bench, "5B 01 06", "5B 04 02 51 57 01 06 01");
     bench_ask(bench, "DB 01 06", "DB 04 02 51 57 01 06 01"); /* the other axis */
     bench_ask(bench, "5B 01 05", "5B 04 02 51 57 01 06 01"); /* the host is older */
@@ -35,13 +29,11 @@ TEST_WITH(firmware_version_has_protocol_and_acknowledge, bench_set_up, bench_tea
     bench_ask(bench, "5B 00 00", "5B 04 02 51 57 01 06 00");
 }
 
-TEST_WITH(additional_information_is_read_and_written_in_eight_parts, bench_set_up, bench_tear_down)
+TEST_ON(additional_information_is_read_and_written_in_eight_parts, bench_open, bench)
 {
     static const char *const parts[] = {"0C 00 6C 65 67 20", "0C 01 31 00 00 00"}; /* "leg 1" */
-    struct board_bench *bench = *test_state;
 
-    bench_send(bench, 0, 0x701, "0C");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x701, "0C");
     assert_int_equal(bench->count[0], 8);
     bench_expect_frame(&bench->frame[0][0], 0x710, parts[0]);
     bench_expect_frame(&bench->frame[0][1], 0x710, parts[1]);
@@ -49,32 +41,25 @@ TEST_WITH(additional_information_is_read_and_written_in_eight_parts, bench_set_u
     bench_send(bench, 0, 0x701, "0D 07 61 62 63 64");
     bench_send(bench, 0, 0x001, "0D 00 41 42 43 44"); /* class 0 has the same */
     bench_send(bench, 0, 0x701, "0D 08 41 42 43 44"); /* no such part */
-    bench_send(bench, 0, 0x001, "0C");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "0C");
     assert_int_equal(bench->count[0], 8);
     bench_expect_frame(&bench->frame[0][0], 0x010, "0C 00 41 42 43 44");
     bench_expect_frame(&bench->frame[0][7], 0x010, "0C 07 61 62 63 64");
     assert_int_equal(bench_counters(bench).malformed, 1);
 }
 
-TEST_WITH(replies_go_to_whoever_asked, bench_set_up, bench_tear_down)
+TEST_ON(replies_go_to_whoever_asked, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x052, "33");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x052, "33");
     bench_expect(bench, 0, 0x025, "33 02");
 }
 
-TEST_WITH(replies_keep_the_order_of_requests, bench_set_up, bench_tear_down)
+TEST_ON(replies_keep_the_order_of_requests, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x002, "33");
     bench_send(bench, 0, 0x20d, "1B");
     bench_send(bench, 0, 0x001, "33");
-    bench_send(bench, 0, 0x002, "B3");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x002, "B3");
     assert_int_equal(bench->count[0], 4);
     bench_expect_frame(&bench->frame[0][0], 0x020, "33 02");
     bench_expect_frame(&bench->frame[0][1], 0x2d0, "1B 01");
@@ -128,9 +113,8 @@ static void with_axis_bit(const char *hex, char *text, size_t size)
     snprintf(text, size, "%02lX%s", strtoul(hex, NULL, 16) | 0x80, hex + 2);
 }
 
-TEST_WITH(every_set_is_given_back_by_its_get_on_either_axis, bench_set_up, bench_tear_down)
+TEST_ON(every_set_is_given_back_by_its_get_on_either_axis, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
     char set[64], get[64], reply[64];
 
     bench_tick(bench);
@@ -147,23 +131,17 @@ TEST_WITH(every_set_is_given_back_by_its_get_on_either_axis, bench_set_up, bench
     assert_int_equal(bench_counters(bench).unknown, 0);
 }
 
-TEST_WITH(axes_keep_their_own_values, bench_set_up, bench_tear_down)
+TEST_ON(axes_keep_their_own_values, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x001, "1E 10 00");
-    bench_send(bench, 0, 0x001, "9E 20 00");
+    bench_send(bench, 0, 0x001, "1E 10 00; 9E 20 00");
     bench_ask(bench, "1F", "1F 10 00");
     bench_ask(bench, "9F", "9F 20 00");
-    bench_send(bench, 0, 0x002, "1F");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x002, "1F");
     bench_expect(bench, 0, 0x020, "1F 00 00"); /* zero at power-up */
 }
 
-TEST_WITH(a_pid_and_its_single_gains_are_the_same_values, bench_set_up, bench_tear_down)
+TEST_ON(a_pid_and_its_single_gains_are_the_same_values, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x001, "52 64 00 02 00 C8 00 06"); /* kp ki kd shift */
     bench_ask(bench, "1F", "1F 64 00");
     bench_ask(bench, "23", "23 02 00");
@@ -175,10 +153,8 @@ TEST_WITH(a_pid_and_its_single_gains_are_the_same_values, bench_set_up, bench_te
     bench_ask(bench, "25", "25 03 00");
 }
 
-TEST_WITH(state_is_told_when_asked, bench_configured, bench_tear_down)
+TEST_ON(state_is_told_when_asked, bench_configure, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->sense[0].q = 1.0; /* 10000 = 0x2710 ticks */
     bench_start(bench);
     bench_tick(bench);
@@ -200,18 +176,11 @@ TEST_WITH(state_is_told_when_asked, bench_configured, bench_tear_down)
 
 /* Integrators of 1 and 2 counts a count and ms, errors of 10 and -7 counts: each axis tells its
  * own error, reference and output. */
-TEST_WITH(the_state_of_running_axes_is_told, bench_set_up, bench_tear_down)
+TEST_ON(the_state_of_running_axes_is_told, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x001, "52 00 00 01 00 00 00 00");
-    bench_send(bench, 0, 0x001, "D2 00 00 02 00 00 00 00");
-    bench_send(bench, 0, 0x001, "54 00 00 35 05 FF 7F");
-    bench_send(bench, 0, 0x001, "D4 00 00 35 05 FF 7F");
-    bench_tick(bench);
-    bench_send(bench, 0, 0x001, "09 08");
-    bench_send(bench, 0, 0x001, "89 08");
-    bench_tick(bench);
+    bench_send(bench, 0, 0x001, "52 00 00 01 00 00 00 00; D2 00 00 02 00 00 00 00");
+    bench_say(bench, 0, 0x001, "54 00 00 35 05 FF 7F; D4 00 00 35 05 FF 7F");
+    bench_say(bench, 0, 0x001, "09 08; 89 08");
     bench->sense[0].q = -10.0 / TICKS_PER_RAD;
     bench->sense[1].q = 7.0 / TICKS_PER_RAD;
     boards_sample(bench->boards, bench->now_ns, &bench->sensors);
@@ -226,10 +195,8 @@ TEST_WITH(the_state_of_running_axes_is_told, bench_set_up, bench_tear_down)
     bench_ask(bench, "39", "39 00 00 00 00");
 }
 
-TEST_WITH(the_encoder_reads_what_it_is_set_to, bench_configured, bench_tear_down)
+TEST_ON(the_encoder_reads_what_it_is_set_to, bench_configure, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->sense[0].q = 1.0;
     bench_start(bench);
     bench_tick(bench);
@@ -256,51 +223,42 @@ TEST_WITH(the_encoder_reads_what_it_is_set_to, bench_configured, bench_tear_down
     bench_expect(bench, 0, 0x111, "10 27 00 00 FE FF FF FF");
 }
 
-TEST_WITH(flash_keeps_parameters_until_they_are_read, bench_set_up, bench_tear_down)
+TEST_ON(flash_keeps_parameters_until_they_are_read, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x001, "1E 64 00");
-    bench_send(bench, 0, 0x001, "0A");
-    bench_send(bench, 0, 0x001, "1E 07 00");
+    bench_send(bench, 0, 0x001, "1E 64 00; 0A; 1E 07 00");
     bench_ask(bench, "1F", "1F 07 00");
     bench_send(bench, 0, 0x001, "0B");
     bench_ask(bench, "1F", "1F 64 00");
 }
 
-TEST_WITH(the_address_moves_and_never_onto_another_board, bench_set_up, bench_tear_down)
+TEST_ON(the_address_moves_and_never_onto_another_board, bench_open, bench)
 {
     struct board_event event;
-    struct board_bench *bench = *test_state;
 
     bench_send(bench, 0, 0x001, "32 05");
     assert_true(bench_event(bench, BOARD_EVENT_ADDRESS, &event));
     assert_int_equal(event.a, 1);
     assert_int_equal(event.b, 5);
     bench_send(bench, 0, 0x001, "33"); /* nobody there any more */
-    bench_send(bench, 0, 0x005, "33");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x005, "33");
     assert_int_equal(bench->count[0], 1);
     bench_expect(bench, 0, 0x050, "33 05");
     bench_send(bench, 0, 0x005, "32 02");
     bench_send(bench, 0, 0x705, "32 0D");
-    bench_send(bench, 0, 0x005, "32 00");
-    bench_send(bench, 0, 0x005, "32 0F");
+    bench_send(bench, 0, 0x005, "32 00; 32 0F");
     assert_int_equal(bench_counters(bench).malformed, 4);
     bench_send(bench, 0, 0x705, "32 01");
     bench_send(bench, 0, 0x20d, "32 0E");
-    bench_send(bench, 0, 0x70f, "FF");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x70f, "FF");
     assert_int_equal(bench_sent(bench, 0, 0x710), 1);
     assert_int_equal(bench_sent(bench, 0, 0x7e0), 1);
     assert_int_equal(bench_sent(bench, 0, 0x7d0), 0);
 }
 
 /* A tool that goes by a DBC sends every command with 8 bytes, whatever it pads with. */
-TEST_WITH(padding_is_ignored_where_the_bus_allows_it, bench_configured, bench_tear_down)
+TEST_ON(padding_is_ignored_where_the_bus_allows_it, bench_configure, bench)
 {
     static const struct boards_bus_config buses[BENCH_BUSES] = {{.padded = true}};
-    struct board_bench *bench = *test_state;
 
     bench->config.bus = buses;
     bench_start(bench);
@@ -312,15 +270,13 @@ TEST_WITH(padding_is_ignored_where_the_bus_allows_it, bench_configured, bench_te
     bench_send(bench, 0, 0x20d, "13 02 03 FF F0 CC CC CC");
     bench_send(bench, 0, 0x20d, "15 01 CC CC CC CC CC CC"); /* the longest: with a channel */
     bench_send(bench, 0, 0x20d, "14 03 00 00 00 00 00 00");
-    bench_send(bench, 0, 0x70f, "FF 00 00 00 00 00 00 00");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x70f, "FF 00 00 00 00 00 00 00");
     bench_expect(bench, 0, 0x2d0, "14 03 FF F0");
     bench_expect(bench, 0, 0x710, "FF 04 02 51 57");
     assert_int_equal(bench_counters(bench).malformed, 0);
 
     /* to eight bytes, not to any other length; and on no other bus */
-    bench_send(bench, 0, 0x001, "1E 65 00 00");
-    bench_send(bench, 0, 0x001, "1E 65 00 00 00 00 00");
+    bench_send(bench, 0, 0x001, "1E 65 00 00; 1E 65 00 00 00 00 00");
     bench_send(bench, 0, 0x001, "1E 65"); /* too short stays too short */
     bench_send(bench, 1, 0x001, "1E 65 00 00 00 00 00 00");
     assert_int_equal(bench_counters(bench).malformed, 4);
@@ -328,7 +284,7 @@ TEST_WITH(padding_is_ignored_where_the_bus_allows_it, bench_configured, bench_te
 }
 
 /* Every command of the table with a wrong length; none may have an effect or an answer. */
-TEST_WITH(wrong_lengths_are_ignored_and_counted, bench_set_up, bench_tear_down)
+TEST_ON(wrong_lengths_are_ignored_and_counted, bench_open, bench)
 {
     static const struct {
         uint32_t id;
@@ -347,7 +303,6 @@ TEST_WITH(wrong_lengths_are_ignored_and_counted, bench_set_up, bench_tear_down)
         {0x701, 0x0c, 1}, {0x701, 0x0d, 6}, {0x701, 0x32, 2},
     };
     uint64_t sent = 0;
-    struct board_bench *bench = *test_state;
 
     for (size_t i = 0; i < sizeof commands / sizeof *commands; i++) {
         for (uint8_t len = 1; len <= 8; len++) {
@@ -366,7 +321,7 @@ TEST_WITH(wrong_lengths_are_ignored_and_counted, bench_set_up, bench_tear_down)
     assert_int_equal(bench_counters(bench).unknown, 0);
 }
 
-TEST_WITH(unwelcome_frames_are_counted_by_what_they_are, bench_set_up, bench_tear_down)
+TEST_ON(unwelcome_frames_are_counted_by_what_they_are, bench_open, bench)
 {
     static const struct bus_frame foreign[] = {
         {.id = 0x003, .len = 1, .data = {0x07}},          /* no board 3 */
@@ -386,7 +341,6 @@ TEST_WITH(unwelcome_frames_are_counted_by_what_they_are, bench_set_up, bench_tea
     };
     struct board_event event;
     struct boards_counters counters;
-    struct board_bench *bench = *test_state;
 
     for (size_t i = 0; i < sizeof foreign / sizeof *foreign; i++) {
         boards_receive(bench->boards, bench->now_ns, 0, &foreign[i]);
@@ -412,10 +366,9 @@ TEST_WITH(unwelcome_frames_are_counted_by_what_they_are, bench_set_up, bench_tea
     assert_int_equal(counters.malformed, 1);
 }
 
-TEST_WITH(a_full_reply_queue_is_told_in_status_and_overflow, bench_set_up, bench_tear_down)
+TEST_ON(a_full_reply_queue_is_told_in_status_and_overflow, bench_open, bench)
 {
     struct board_event event;
-    struct board_bench *bench = *test_state;
 
     bench_send(bench, 0, 0x001, "49 14 00 00 00"); /* STATUS and OVERFLOW */
     for (int i = 0; i < BOARD_REPLIES_MAX + 3; i++) {
@@ -438,7 +391,7 @@ TEST_WITH(a_full_reply_queue_is_told_in_status_and_overflow, bench_set_up, bench
 }
 
 /* The real host's start-up of one axis and an F/T board, as measured. */
-TEST_WITH(the_hosts_start_up_sequence_is_accepted, bench_set_up, bench_tear_down)
+TEST_ON(the_hosts_start_up_sequence_is_accepted, bench_open, bench)
 {
     static const char *const axis[] = {
         "1E 40 1F",
@@ -465,13 +418,11 @@ TEST_WITH(the_hosts_start_up_sequence_is_accepted, bench_set_up, bench_tear_down
         "09 00",
     };
     char text[64];
-    struct board_bench *bench = *test_state;
 
     for (size_t i = 0; i < sizeof axis / sizeof *axis; i++) {
         bench_send(bench, 0, 0x001, axis[i]);
         with_axis_bit(axis[i], text, sizeof text);
-        bench_send(bench, 0, 0x001, text);
-        bench_tick(bench);
+        bench_say(bench, 0, 0x001, text);
         assert_int_equal(bench_sent(bench, 0, 0x010), 0);
     }
     bench_ask(bench, "5B 01 06", "5B 04 02 51 57 01 06 01");
@@ -481,20 +432,16 @@ TEST_WITH(the_hosts_start_up_sequence_is_accepted, bench_set_up, bench_tear_down
                                             "18 03 00 28", "18 04 00 28", "18 05 00 28"};
 
         snprintf(text, sizeof text, "18 %02X", i);
-        bench_send(bench, 0, 0x20d, text);
-        bench_tick(bench);
+        bench_say(bench, 0, 0x20d, text);
         bench_expect(bench, 0, 0x2d0, scale[i]);
     }
     bench_send(bench, 0, 0x20d, "07 00");
     /* later: open loop, a quarter of the supply, stop */
-    bench_send(bench, 0, 0x001, "09 50");
-    bench_tick(bench);
-    bench_send(bench, 0, 0x001, "72 4D 01");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "09 50");
+    bench_say(bench, 0, 0x001, "72 4D 01");
     assert_true(bench->motor[0].bridge_on);
     assert_near(bench->motor[0].voltage_v, SUPPLY_V * 333.0 / 1333.0, 1e-12);
-    bench_send(bench, 0, 0x001, "09 09");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "09 09");
     assert_false(bench->motor[0].bridge_on);
     assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
     assert_int_equal(bench_counters(bench).malformed, 0);

@@ -75,8 +75,7 @@ TEST(an_axis_that_was_off_begins_cold)
         open_with_limits(&bench);
         show_current(&bench, axis, 2.0);
         bench_ticks(&bench, 3);
-        bench_send(&bench, 0, 0x001, idle[axis]);
-        bench_tick(&bench);
+        bench_say(&bench, 0, 0x001, idle[axis]);
         bench_send(&bench, 0, 0x001, open_loop[axis]);
         assert_int_equal(ticks_to_trip(&bench), 4);
 
@@ -106,8 +105,7 @@ TEST(an_over_current_trips_again_after_it_was_enabled_again)
             assert_int_equal(event.a, ICUB_FAULT_OVER_CURRENT);
             assert_int_equal(event.axis, axis);
             assert_false(bench_event(&bench, BOARD_EVENT_FAULT, &event));
-            bench_send(&bench, 0, 0x001, open_loop[axis]); /* not before FORCE_IDLE */
-            bench_tick(&bench);
+            bench_say(&bench, 0, 0x001, open_loop[axis]); /* not before FORCE_IDLE */
             assert_false(bench.motor[axis].bridge_on);
             assert_true(bench.motor[1 - axis].bridge_on);
             bench_send(&bench, 0, 0x001, force_idle[axis]);
@@ -120,37 +118,36 @@ TEST(an_over_current_trips_again_after_it_was_enabled_again)
     }
 }
 
-TEST(a_supply_out_of_range_is_told_each_time)
+BENCH(open_with_limits, struct board_bench, bench_stop)
+
+TEST_ON(a_supply_out_of_range_is_told_each_time, open_with_limits, bench)
 {
     static const double good_v[] = {24.0, 60.0};
     const double bad_v[] = {nextafter(24.0, 0.0), nextafter(60.0, 100.0)};
     struct board_event event;
-    struct board_bench bench;
 
-    open_with_limits(&bench);
     for (int time = 0; time < 4; time++) {
-        bench.sensors.supply_v = bad_v[time % 2];
-        bench_ticks(&bench, 5);
+        bench->sensors.supply_v = bad_v[time % 2];
+        bench_ticks(bench, 5);
         for (int axis = 0; axis < AXES; axis++) {
-            assert_false(bench.motor[axis].bridge_on);
-            assert_true(bench_event(&bench, BOARD_EVENT_FAULT, &event));
+            assert_false(bench->motor[axis].bridge_on);
+            assert_true(bench_event(bench, BOARD_EVENT_FAULT, &event));
             assert_int_equal(event.a,
                              time % 2 ? ICUB_FAULT_OVER_VOLTAGE : ICUB_FAULT_UNDER_VOLTAGE);
             assert_int_equal(event.axis, axis);
         }
-        while (bench_event(&bench, BOARD_EVENT_FAULT, &event)) {
+        while (bench_event(bench, BOARD_EVENT_FAULT, &event)) {
             assert_int_not_equal(event.board, 0); /* the supply is that of all boards */
         }
-        bench.sensors.supply_v = good_v[time % 2]; /* at the limit there is none */
-        bench_tick(&bench);
+        bench->sensors.supply_v = good_v[time % 2]; /* at the limit there is none */
+        bench_tick(bench);
         for (int axis = 0; axis < AXES; axis++) {
-            bench_send(&bench, 0, 0x001, force_idle[axis]);
-            bench_send(&bench, 0, 0x001, open_loop[axis]);
+            bench_send(bench, 0, 0x001, force_idle[axis]);
+            bench_send(bench, 0, 0x001, open_loop[axis]);
         }
-        bench_ticks(&bench, 5);
-        assert_true(bench.motor[0].bridge_on && bench.motor[1].bridge_on);
+        bench_ticks(bench, 5);
+        assert_true(bench->motor[0].bridge_on && bench->motor[1].bridge_on);
     }
-    bench_stop(&bench);
 }
 
 /* Each axis has its own range, and tells once each time that it is driven out of it. */

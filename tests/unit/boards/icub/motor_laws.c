@@ -2,10 +2,9 @@
 /* From references to the bridge: voltages, limits of the PWM, joints that are not ours. */
 #include "tests/unit/boards/icub/motor_bench.h"
 
-TEST_WITH(voltage_is_the_reference_over_1333_of_the_supply, bench_set_up, bench_tear_down)
+TEST_ON(voltage_is_the_reference_over_1333_of_the_supply, bench_open, bench)
 {
     static const int references[] = {0, 1, -1, 333, -333, 1332, 1333, -1333, 1334, 32767, -32768};
-    struct board_bench *bench = *test_state;
 
     set_mode(bench, 0x50);
     for (size_t i = 0; i < sizeof references / sizeof *references; i++) {
@@ -14,8 +13,7 @@ TEST_WITH(voltage_is_the_reference_over_1333_of_the_supply, bench_set_up, bench_
 
         snprintf(text, sizeof text, "72 %02X %02X", references[i] & 0xff,
                  references[i] >> 8 & 0xff);
-        bench_send(bench, 0, 0x001, text);
-        bench_tick(bench);
+        bench_say(bench, 0, 0x001, text);
         assert_near(bench->motor[0].voltage_v, counts / 1333.0 * SUPPLY_V, 1e-12);
     }
     bench->sensors.supply_v = 40.0; /* PWM is a ratio: the voltage follows the supply */
@@ -24,27 +22,21 @@ TEST_WITH(voltage_is_the_reference_over_1333_of_the_supply, bench_set_up, bench_
     assert_near(bench->motor[0].voltage_v, 40.0, 1e-12);
 }
 
-TEST_WITH(the_pwm_limit_cuts_the_voltage, bench_set_up, bench_tear_down)
+TEST_ON(the_pwm_limit_cuts_the_voltage, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x001, "2F 64 00");
     bench_send(bench, 0, 0x001, POLICY_7F);
     set_mode(bench, 0x50);
-    bench_send(bench, 0, 0x001, "72 38 FF"); /* -200 */
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "72 38 FF"); /* -200 */
     assert_near(bench->motor[0].voltage_v, -100.0 / 1333.0 * SUPPLY_V, 1e-12);
     bench_tick(bench); /* slot 1: what was asked for and what it became */
     bench_expect(bench, 0, 0x112, "38 FF 00 00 9C FF 00 00");
-    bench_send(bench, 0, 0x001, "2F FF FF"); /* a negative limit lets nothing through */
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "2F FF FF"); /* a negative limit lets nothing through */
     assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
 }
 
-TEST_WITH(joints_without_a_board_are_left_alone, bench_configured, bench_tear_down)
+TEST_ON(joints_without_a_board_are_left_alone, bench_configure, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->config.nboard = 4;
     bench->motor[3] =
         (struct motor_command){.bridge_on = true, .voltage_v = 7.0, .pretension_m = 0.25};

@@ -22,10 +22,8 @@ TEST(any_running_mode_is_entered_from_idle_with_the_bridge_on)
     }
 }
 
-TEST_WITH(one_running_mode_follows_another_directly, bench_set_up, bench_tear_down)
+TEST_ON(one_running_mode_follows_another_directly, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     for (size_t i = 0; i < RUNNING; i++) {
         for (size_t j = 0; j < RUNNING; j++) {
             set_mode(bench, running[i]);
@@ -36,9 +34,8 @@ TEST_WITH(one_running_mode_follows_another_directly, bench_set_up, bench_tear_do
     }
 }
 
-TEST_WITH(values_that_are_no_mode_are_refused, bench_set_up, bench_tear_down)
+TEST_ON(values_that_are_no_mode_are_refused, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
     unsigned refused = 0;
 
     for (unsigned mode = 0; mode < 256; mode++) {
@@ -53,10 +50,8 @@ TEST_WITH(values_that_are_no_mode_are_refused, bench_set_up, bench_tear_down)
     assert_int_equal(bench_counters(bench).malformed, refused);
 }
 
-TEST_WITH(only_force_idle_leaves_a_fault, bench_set_up, bench_tear_down)
+TEST_ON(only_force_idle_leaves_a_fault, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     set_mode(bench, 0x50);
     bench_tick(bench);
     bench->sense[0].current_a = -60.0;
@@ -79,10 +74,8 @@ TEST_WITH(only_force_idle_leaves_a_fault, bench_set_up, bench_tear_down)
     assert_int_equal(mode_of(bench), 0x50);
 }
 
-TEST_WITH(a_mode_change_clears_the_voltage_and_holds_the_position, bench_set_up, bench_tear_down)
+TEST_ON(a_mode_change_clears_the_voltage_and_holds_the_position, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_tick(bench);
     bench_send(bench, 0, 0x001, "72 4D 01"); /* kept in any mode ... */
     bench_ask(bench, "73", "73 4D 01");
@@ -91,14 +84,12 @@ TEST_WITH(a_mode_change_clears_the_voltage_and_holds_the_position, bench_set_up,
     set_mode(bench, 0x50); /* ... and cleared by a change */
     bench_ask(bench, "73", "73 00 00");
     bench_ask(bench, "16", "16 88 13 00 00"); /* 5000 */
-    bench_send(bench, 0, 0x001, "72 4D 01");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "72 4D 01");
     assert_near(bench->motor[0].voltage_v, SUPPLY_V * 333.0 / 1333.0, 1e-12);
     set_mode(bench, 0x01);
     bench_ask(bench, "73", "73 00 00");
     assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
-    bench_send(bench, 0, 0x001, "72 4D 01"); /* acts in mode 0x50 only */
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "72 4D 01"); /* acts in mode 0x50 only */
     assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
 }
 
@@ -113,8 +104,7 @@ TEST(discovery_stops_motors_when_asked_to)
         bench_send(&bench, 0, 0x001, POLICY_7F);
         set_mode(&bench, 0x50);
         bench_tick(&bench);
-        bench_send(&bench, 0, 0x70f, "FF");
-        bench_tick(&bench);
+        bench_say(&bench, 0, 0x70f, "FF");
         assert_int_equal(bench.motor[0].bridge_on, !stops);
         to_slot_0(&bench);
         bench_tick(&bench);
@@ -188,121 +178,105 @@ static void expect_texts(struct board_bench *bench, unsigned *number, const char
 {
     char texts[128];
 
-    bench_send(bench, 0, 0x001, mode);
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, mode);
     read_texts(bench, number, texts, sizeof texts);
     assert_string_equal(texts, expected);
 }
 
-TEST(a_strict_axis_that_is_owed_something_goes_into_fault)
-{
-    struct board_bench bench;
+CLOSED_BENCH(board_bench, struct board_bench, bench_stop)
 
-    open_strict(&bench, false);
-    ask_mode(&bench, "09 50", "07 A0 00", false); /* no protocol */
-    ask_mode(&bench, "09 50", "07 A0 00", false);
-    ask_mode(&bench, "09 00", "07 A0 00", false);
-    ask_mode(&bench, "09 09", "07 00 00", false);
-    bench_send(&bench, 0, 0x001, "5B 01 07"); /* a host that is too new */
-    bench_tick(&bench);
-    ask_mode(&bench, "09 50", "07 A0 00", false);
-    ask_mode(&bench, "09 09", "07 00 00", false);
-    bench_send(&bench, 0, 0x001, "5B 01 06");
-    bench_tick(&bench);
+TEST_ON(a_strict_axis_that_is_owed_something_goes_into_fault, board_bench, bench)
+{
+    open_strict(bench, false);
+    ask_mode(bench, "09 50", "07 A0 00", false); /* no protocol */
+    ask_mode(bench, "09 50", "07 A0 00", false);
+    ask_mode(bench, "09 00", "07 A0 00", false);
+    ask_mode(bench, "09 09", "07 00 00", false);
+    bench_say(bench, 0, 0x001, "5B 01 07"); /* a host that is too new */
+    ask_mode(bench, "09 50", "07 A0 00", false);
+    ask_mode(bench, "09 09", "07 00 00", false);
+    bench_say(bench, 0, 0x001, "5B 01 06");
     for (int i = 0; i < POSITION_PID; i++) {
-        ask_mode(&bench, "09 50", "07 A0 00", false);
-        ask_mode(&bench, "09 09", "07 00 00", false);
-        bench_send(&bench, 0, 0x001, position_pid[i]);
+        ask_mode(bench, "09 50", "07 A0 00", false);
+        ask_mode(bench, "09 09", "07 00 00", false);
+        bench_send(bench, 0, 0x001, position_pid[i]);
     }
-    ask_mode(&bench, "09 50", "07 50 00", true);
-    bench_send(&bench, 0, 0x001, "89 50"); /* the other axis has no gains */
-    bench_ask(&bench, "87", "87 A0 00");
-    assert_false(bench.motor[1].bridge_on);
-    assert_true(bench.motor[0].bridge_on);
-    bench_stop(&bench);
+    ask_mode(bench, "09 50", "07 50 00", true);
+    bench_send(bench, 0, 0x001, "89 50"); /* the other axis has no gains */
+    bench_ask(bench, "87", "87 A0 00");
+    assert_false(bench->motor[1].bridge_on);
+    assert_true(bench->motor[0].bridge_on);
 }
 
-TEST(a_strict_axis_may_have_to_be_calibrated_first)
+TEST_ON(a_strict_axis_may_have_to_be_calibrated_first, board_bench, bench)
 {
-    struct board_bench bench;
-
-    open_strict(&bench, true);
-    bench_send(&bench, 0, 0x001, "04 03 00 00 01 00 00 00"); /* neither protocol nor gains */
-    bench_ask(&bench, "07", "07 A0 00");
-    ask_mode(&bench, "09 09", "07 00 00", false);
-    state_protocol_and_gains(&bench);
-    ask_mode(&bench, "09 50", "07 A0 00", false);
-    ask_mode(&bench, "09 09", "07 00 00", false);
-    bench_send(&bench, 0, 0x001, "04 03 00 00 00 00 00 00"); /* p2 = 0 calibrates nothing */
-    ask_mode(&bench, "09 09", "07 00 00", false);
-    ask_mode(&bench, "09 50", "07 A0 00", false);
-    ask_mode(&bench, "09 09", "07 00 00", false);
-    bench_send(&bench, 0, 0x001, "04 03 00 00 01 00 00 00");
-    bench_ask(&bench, "07", "07 60 00");
-    bench_ticks(&bench, 200);
-    ask_mode(&bench, "09 50", "07 50 00", true);
-    bench_stop(&bench);
+    open_strict(bench, true);
+    bench_send(bench, 0, 0x001, "04 03 00 00 01 00 00 00"); /* neither protocol nor gains */
+    bench_ask(bench, "07", "07 A0 00");
+    ask_mode(bench, "09 09", "07 00 00", false);
+    state_protocol_and_gains(bench);
+    ask_mode(bench, "09 50", "07 A0 00", false);
+    ask_mode(bench, "09 09", "07 00 00", false);
+    bench_send(bench, 0, 0x001, "04 03 00 00 00 00 00 00"); /* p2 = 0 calibrates nothing */
+    ask_mode(bench, "09 09", "07 00 00", false);
+    ask_mode(bench, "09 50", "07 A0 00", false);
+    ask_mode(bench, "09 09", "07 00 00", false);
+    bench_send(bench, 0, 0x001, "04 03 00 00 01 00 00 00");
+    bench_ask(bench, "07", "07 60 00");
+    bench_ticks(bench, 200);
+    ask_mode(bench, "09 50", "07 50 00", true);
 }
 
-TEST(a_strict_axis_keeps_its_references_in_the_same_mode)
+TEST_ON(a_strict_axis_keeps_its_references_in_the_same_mode, board_bench, bench)
 {
-    struct board_bench bench;
-
-    open_strict(&bench, false);
-    state_protocol_and_gains(&bench);
-    ask_mode(&bench, "09 50", "07 50 00", true);
-    bench_send(&bench, 0, 0x001, "72 4D 01");
-    ask_mode(&bench, "09 50", "07 50 00", true);
-    bench_ask(&bench, "73", "73 4D 01");
-    ask_mode(&bench, "09 01", "07 01 00", true);
-    bench_ask(&bench, "73", "73 00 00");
-    ask_mode(&bench, "09 09", "07 00 00", false);
+    open_strict(bench, false);
+    state_protocol_and_gains(bench);
+    ask_mode(bench, "09 50", "07 50 00", true);
+    bench_send(bench, 0, 0x001, "72 4D 01");
+    ask_mode(bench, "09 50", "07 50 00", true);
+    bench_ask(bench, "73", "73 4D 01");
+    ask_mode(bench, "09 01", "07 01 00", true);
+    bench_ask(bench, "73", "73 00 00");
+    ask_mode(bench, "09 09", "07 00 00", false);
     /* what it does not have is a fault, from idle and from another mode */
-    ask_mode(&bench, "09 06", "07 A0 00", false);
-    ask_mode(&bench, "09 09", "07 00 00", false);
-    ask_mode(&bench, "09 01", "07 01 00", true);
-    ask_mode(&bench, "09 0A", "07 A0 00", false);
-    bench_stop(&bench);
+    ask_mode(bench, "09 06", "07 A0 00", false);
+    ask_mode(bench, "09 09", "07 00 00", false);
+    ask_mode(bench, "09 01", "07 01 00", true);
+    ask_mode(bench, "09 0A", "07 A0 00", false);
 }
 
-TEST(a_strict_board_prints_what_the_firmware_prints)
+TEST_ON(a_strict_board_prints_what_the_firmware_prints, board_bench, bench)
 {
-    struct board_bench bench;
     unsigned number = 0;
 
-    open_strict(&bench, true);
-    expect_texts(&bench, &number, "09 50", "|can protocol NOT ack");
-    expect_texts(&bench, &number, "09 50", "");
-    expect_texts(&bench, &number, "09 09", "|CMODE SET:0");
-    bench_send(&bench, 0, 0x001, "5B 01 06");
-    expect_texts(&bench, &number, "89 01", "|PID IS NOT SET 1");
-    state_protocol_and_gains(&bench);
-    expect_texts(&bench, &number, "09 01", "|calib failed 0");
-    expect_texts(&bench, &number, "09 09", "|CMODE SET:0");
-    bench_send(&bench, 0, 0x001, "04 03 00 00 01 00 00 00");
-    bench_ticks(&bench, 200);
-    expect_texts(&bench, &number, "09 01", "|CMODE SET:1|PWM ENA:0");
-    expect_texts(&bench, &number, "09 01", "");
-    expect_texts(&bench, &number, "09 50", "|CMODE SET:80");
-    expect_texts(&bench, &number, "09 00", "|PWM DIS:0");
-    expect_texts(&bench, &number, "09 00", "");
-    bench_stop(&bench);
+    open_strict(bench, true);
+    expect_texts(bench, &number, "09 50", "|can protocol NOT ack");
+    expect_texts(bench, &number, "09 50", "");
+    expect_texts(bench, &number, "09 09", "|CMODE SET:0");
+    bench_send(bench, 0, 0x001, "5B 01 06");
+    expect_texts(bench, &number, "89 01", "|PID IS NOT SET 1");
+    state_protocol_and_gains(bench);
+    expect_texts(bench, &number, "09 01", "|calib failed 0");
+    expect_texts(bench, &number, "09 09", "|CMODE SET:0");
+    bench_send(bench, 0, 0x001, "04 03 00 00 01 00 00 00");
+    bench_ticks(bench, 200);
+    expect_texts(bench, &number, "09 01", "|CMODE SET:1|PWM ENA:0");
+    expect_texts(bench, &number, "09 01", "");
+    expect_texts(bench, &number, "09 50", "|CMODE SET:80");
+    expect_texts(bench, &number, "09 00", "|PWM DIS:0");
+    expect_texts(bench, &number, "09 00", "");
 }
 
-TEST_WITH(modes_of_the_table_that_no_firmware_has_are_refused, bench_set_up, bench_tear_down)
+TEST_ON(modes_of_the_table_that_no_firmware_has_are_refused, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     ask_mode(bench, "09 0A", "07 00 00", false);
     ask_mode(bench, "09 0B", "07 00 00", false);
     ask_mode(bench, "09 60", "07 00 00", false);
     assert_int_equal(bench_counters(bench).malformed, 3);
 }
 
-TEST_WITH(calibration_is_that_of_the_absolute_encoder, bench_set_up, bench_tear_down)
+TEST_ON(calibration_is_that_of_the_absolute_encoder, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x001, "04 00 00 00 01 00 00 00"); /* hard stops: not on this board */
     assert_int_equal(bench_counters(bench).malformed, 1);
     bench_ask(bench, "07", "07 00 00");
@@ -312,10 +286,8 @@ TEST_WITH(calibration_is_that_of_the_absolute_encoder, bench_set_up, bench_tear_
 }
 
 /* Of a servo valve: all but the current mode; torque is that of its sensor. */
-TEST_WITH(a_valve_has_no_current_mode, bench_configured, bench_tear_down)
+TEST_ON(a_valve_has_no_current_mode, bench_configure, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->board[0].axis[0].valve = true;
     bench_start(bench);
     set_mode(bench, ICUB_MODE_CURRENT);

@@ -23,10 +23,9 @@ TEST(boards_are_silent_until_the_host_sets_a_policy)
     bench_stop(&bench);
 }
 
-TEST_WITH(frames_keep_their_slots_and_the_mask_decides, bench_set_up, bench_tear_down)
+TEST_ON(frames_keep_their_slots_and_the_mask_decides, bench_open, bench)
 {
     static const unsigned slot_of[13] = {9, 0, 1, 2, 3, 3, 3, 3, 3, 3, 3, 3, 2};
-    struct board_bench *bench = *test_state;
 
     for (unsigned type = 1; type <= 11; type++) {
         unsigned mask = 1u << (type - 1);
@@ -51,9 +50,8 @@ TEST_WITH(frames_keep_their_slots_and_the_mask_decides, bench_set_up, bench_tear
     }
 }
 
-TEST_WITH(the_default_mask_gives_every_frame_each_4_ms, bench_set_up, bench_tear_down)
+TEST_ON(the_default_mask_gives_every_frame_each_4_ms, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
     unsigned sent[16] = {0};
 
     bench_send(bench, 0, 0x001, POLICY_7F);
@@ -94,14 +92,12 @@ TEST(status_follows_a_mode_change_in_the_next_slot_2)
     }
 }
 
-TEST_WITH(status_comes_every_5_s_and_interaction_with_it, bench_set_up, bench_tear_down)
+TEST_ON(status_comes_every_5_s_and_interaction_with_it, bench_open, bench)
 {
     int64_t last = 0;
     int count = 0;
-    struct board_bench *bench = *test_state;
 
-    bench_send(bench, 0, 0x001, "49 04 00 00 00");
-    bench_send(bench, 0, 0x001, "F4 01"); /* axis 1 compliant */
+    bench_send(bench, 0, 0x001, "49 04 00 00 00; F4 01"); /* axis 1 compliant */
     bench_ticks(bench, 3);
     bench_expect(bench, 0, 0x11c, "10"); /* its change alone needs no STATUS */
     assert_int_equal(bench_sent(bench, 0, 0x113), 0);
@@ -118,10 +114,8 @@ TEST_WITH(status_comes_every_5_s_and_interaction_with_it, bench_set_up, bench_te
     assert_int_equal(count, 4);
 }
 
-TEST_WITH(positions_are_ticks_of_link_and_rotor, bench_set_up, bench_tear_down)
+TEST_ON(positions_are_ticks_of_link_and_rotor, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x001, "49 01 02 00 00");
     to_slot_0(bench);
     bench->sense[0].q = 1.23456789;  /* 12346 = 0x303A */
@@ -134,10 +128,8 @@ TEST_WITH(positions_are_ticks_of_link_and_rotor, bench_set_up, bench_tear_down)
     bench_expect(bench, 0, 0x11a, "14 4A 01 00 00 00 00 80");
 }
 
-TEST_WITH(position_error_is_at_most_half_a_tick, bench_set_up, bench_tear_down)
+TEST_ON(position_error_is_at_most_half_a_tick, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x001, "49 01 00 00 00");
     to_slot_0(bench);
     for (int i = 0; i < 500; i++) {
@@ -155,10 +147,8 @@ TEST_WITH(position_error_is_at_most_half_a_tick, bench_set_up, bench_tear_down)
     }
 }
 
-TEST_WITH(current_is_milliamperes_and_saturates, bench_set_up, bench_tear_down)
+TEST_ON(current_is_milliamperes_and_saturates, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x001, "49 08 00 00 00");
     bench->sense[0].current_a = 1.2345; /* 1235 after rounding (1234.5 up) */
     bench->sense[1].current_a = -2.0;
@@ -171,10 +161,8 @@ TEST_WITH(current_is_milliamperes_and_saturates, bench_set_up, bench_tear_down)
 }
 
 /* 2 ticks/ms on link 0, 1/4 tick/ms^2 on link 1, 1 tick/ms^2 on rotor 0, nothing on rotor 1. */
-TEST_WITH(velocities_are_scaled_by_the_estimator_shifts, bench_set_up, bench_tear_down)
+TEST_ON(velocities_are_scaled_by_the_estimator_shifts, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x001, "49 40 04 00 00"); /* VELOCITY and MOTOR_SPEED */
     bench_send(bench, 0, 0x001, "0E 03 00 00 00");
     for (int i = 1; i <= 400; i++) {
@@ -222,10 +210,9 @@ TEST(slots_follow_the_time_whatever_the_tick)
     }
 }
 
-TEST_WITH(too_little_room_delays_replies_and_loses_telemetry, bench_set_up, bench_tear_down)
+TEST_ON(too_little_room_delays_replies_and_loses_telemetry, bench_open, bench)
 {
     struct bus_frame frame[4];
-    struct board_bench *bench = *test_state;
 
     bench_send(bench, 0, 0x001, "49 01 00 00 00");
     for (int i = 0; i < 6; i++) {

@@ -39,10 +39,9 @@ TEST(a_stale_voltage_becomes_zero_after_our_time_out)
     assert_int_equal(ticks, 10000);
 }
 
-TEST_WITH(a_fresh_voltage_resumes_after_the_time_out, bench_configured, bench_tear_down)
+TEST_ON(a_fresh_voltage_resumes_after_the_time_out, bench_configure, bench)
 {
     struct board_event event;
-    struct board_bench *bench = *test_state;
 
     bench->board[0].command_timeout_ns = 50000000;
     bench_start(bench);
@@ -63,15 +62,12 @@ TEST_WITH(a_fresh_voltage_resumes_after_the_time_out, bench_configured, bench_te
     assert_int_equal(event.axis, 0);
     bench_ticks(bench, 500); /* once, not again and again */
     assert_int_equal(bench_counters(bench).timeouts, 1);
-    bench_send(bench, 0, 0x001, "72 4D 01");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "72 4D 01");
     assert_true(bench->motor[0].voltage_v > 11.0);
 }
 
-TEST_WITH(a_velocity_without_fresh_commands_becomes_zero, bench_set_up, bench_tear_down)
+TEST_ON(a_velocity_without_fresh_commands_becomes_zero, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x001, "56 64 00"); /* 100 ms */
     set_mode(bench, 0x02);
     bench_send(bench, 0, 0x001, "1C 20 00 00 01"); /* 32/16 = 2 ticks/ms, reached at once */
@@ -86,9 +82,8 @@ TEST_WITH(a_velocity_without_fresh_commands_becomes_zero, bench_set_up, bench_te
 }
 
 /* The time-out of 100 ms is over in the tick that begins later, not in the one that begins then. */
-TEST_WITH(a_velocity_lives_as_long_as_its_time_out, bench_set_up, bench_tear_down)
+TEST_ON(a_velocity_lives_as_long_as_its_time_out, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
     int ticks = 0;
 
     bench_send(bench, 0, 0x001, "56 64 00");
@@ -132,12 +127,9 @@ TEST(a_silent_torque_source_disables_torque_modes)
     }
 }
 
-TEST_WITH(torque_of_real_strain_boards_on_the_bus_is_heard, bench_set_up, bench_tear_down)
+TEST_ON(torque_of_real_strain_boards_on_the_bus_is_heard, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x001, "34 05 04 00 00 00 00 00");
-    bench_send(bench, 0, 0x001, "49 00 01 00 00"); /* DEBUG */
+    bench_send(bench, 0, 0x001, "34 05 04 00 00 00 00 00; 49 00 01 00 00"); /* DEBUG */
     to_slot_0(bench);
     bench_send(bench, 0, 0x35b, "00 80 10 80 F0 7F"); /* channels 3 4 5 */
     bench_ticks(bench, 4);
@@ -154,12 +146,9 @@ static int torque_of(struct board_bench *bench)
 }
 
 /* 0x0C is the address of our own pseudo-STRAIN: whoever else sends as it is an impostor. */
-TEST_WITH(strain_frames_with_an_address_of_ours_are_not_believed, bench_set_up, bench_tear_down)
+TEST_ON(strain_frames_with_an_address_of_ours_are_not_believed, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x001, "34 0C 00 00 00 00 00 00");
-    bench_send(bench, 0, 0x001, "49 00 01 00 00"); /* DEBUG */
+    bench_send(bench, 0, 0x001, "34 0C 00 00 00 00 00 00; 49 00 01 00 00"); /* DEBUG */
     bench_send(bench, 0, 0x3ca, "10 80 00 80 00 80");
     assert_int_equal(torque_of(bench), 0);
     bench->sense[0].torque_nm = 27.5; /* half of the full scale: what the board itself sends */
@@ -228,10 +217,9 @@ TEST(over_current_trips_once_and_is_told_once)
 }
 
 /* COMAN's drive with a quarter of 48 V from standstill: 15 A, above 12 A for 3 ms. */
-TEST_WITH(the_inrush_of_a_voltage_step_does_not_trip, bench_set_up, bench_tear_down)
+TEST_ON(the_inrush_of_a_voltage_step_does_not_trip, bench_open, bench)
 {
     static const double inrush_a[] = {14.88, 14.44, 12.17, 10.03, 8.27, 6.85};
-    struct board_bench *bench = *test_state;
 
     set_mode(bench, 0x50);
     bench_send(bench, 0, 0x001, "72 4D 01");
@@ -268,10 +256,9 @@ TEST(a_rest_gives_no_credit_to_an_over_current)
 
 /* A count is 0.1 degree C: 100.0 is the limit, 100.1 is above it. A thermometer whose value is not
  * a number trips no motor, also after a hot value, and STATUS reports the thermometer as bad. */
-TEST_WITH(a_hot_winding_trips_and_a_failed_thermometer_does_not, bench_set_up, bench_tear_down)
+TEST_ON(a_hot_winding_trips_and_a_failed_thermometer_does_not, bench_open, bench)
 {
     struct board_event event;
-    struct board_bench *bench = *test_state;
 
     bench_send(bench, 0, 0x001, "49 04 00 00 00");
     set_mode(bench, 0x50);
@@ -323,10 +310,8 @@ TEST(can_states_begin_at_their_counts)
     }
 }
 
-TEST_WITH(under_voltage_is_a_fault_as_long_as_it_lasts, bench_set_up, bench_tear_down)
+TEST_ON(under_voltage_is_a_fault_as_long_as_it_lasts, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x001, "49 04 00 00 00");
     set_mode(bench, 0x50);
     bench_ticks(bench, 4);
@@ -347,10 +332,8 @@ TEST_WITH(under_voltage_is_a_fault_as_long_as_it_lasts, bench_set_up, bench_tear
     bench_expect(bench, 0, 0x113, "00 00 00 00 00 00 00 00");
 }
 
-TEST_WITH(a_sensor_without_a_number_is_an_encoder_fault, bench_configured, bench_tear_down)
+TEST_ON(a_sensor_without_a_number_is_an_encoder_fault, bench_configure, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->sense[0].q = 0.25;
     bench_start(bench);
     bench_send(bench, 0, 0x001, "49 04 00 00 00");
@@ -366,10 +349,9 @@ TEST_WITH(a_sensor_without_a_number_is_an_encoder_fault, bench_configured, bench
     assert_int_equal(mode_of(bench), 0xa0);
 }
 
-TEST_WITH(voltage_beyond_a_joint_limit_is_refused_both_ways, bench_set_up, bench_tear_down)
+TEST_ON(voltage_beyond_a_joint_limit_is_refused_both_ways, bench_open, bench)
 {
     struct board_event event;
-    struct board_bench *bench = *test_state;
 
     bench_send(bench, 0, 0x001, "49 20 00 00 00"); /* PRINT */
     set_mode(bench, 0x50);
@@ -385,20 +367,17 @@ TEST_WITH(voltage_beyond_a_joint_limit_is_refused_both_ways, bench_set_up, bench
     bench_expect_frame(&bench->frame[0][1], 0x116, "06 01 20 4C 49 4D 49 54"); /* " LIMIT" */
     bench_expect_frame(&bench->frame[0][2], 0x116, "86 02 53");                /* "S", the last */
     bench_ask(bench, "73", "73 00 00");
-    bench_send(bench, 0, 0x001, "72 B3 FE"); /* back is refused, too */
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "72 B3 FE"); /* back is refused, too */
     assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
     assert_int_equal(bench_sent(bench, 0, 0x116), 0); /* told once */
     assert_true(bench_event(bench, BOARD_EVENT_LIMIT, &event));
     assert_false(bench_event(bench, BOARD_EVENT_LIMIT, &event));
     bench->sense[0].q = -2.1;
     bench_tick(bench);
-    bench_send(bench, 0, 0x001, "72 4D 01");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "72 4D 01");
     assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
     bench->sense[0].q = 0.0;
     bench_tick(bench);
-    bench_send(bench, 0, 0x001, "72 4D 01");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "72 4D 01");
     assert_true(bench->motor[0].voltage_v > 11.0);
 }

@@ -5,8 +5,7 @@
 /* The F/T board: address 0x0D on bus 0, full scale 1500 1500 2000 N, 40 40 40 Nm, 5 ms. */
 static void ft_ask(struct board_bench *bench, const char *request, const char *reply)
 {
-    bench_send(bench, 0, 0x20d, request);
-    bench_tick(bench);
+    bench_say(bench, 0, 0x20d, request);
     bench_expect(bench, 0, 0x2d0, reply);
 }
 
@@ -42,10 +41,8 @@ TEST(strain_boards_are_silent_until_told_to_send)
     bench_stop(&bench);
 }
 
-TEST_WITH(force_and_torque_are_offset_binary_of_the_full_scale, bench_set_up, bench_tear_down)
+TEST_ON(force_and_torque_are_offset_binary_of_the_full_scale, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x20d, "07 00");
     bench->ft =
         (struct ft_sense){.force_n = {750.0, -750.0, 277.7}, .torque_nm = {10.0, -0.001, 0.0}};
@@ -103,50 +100,40 @@ TEST(frames_that_could_not_be_sent_in_time_are_not_sent_in_a_bunch)
     bench_stop(&bench);
 }
 
-TEST_WITH(a_period_of_zero_is_refused, bench_set_up, bench_tear_down)
+TEST_ON(a_period_of_zero_is_refused, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x20d, "08 00");
     assert_int_equal(bench_counters(bench).malformed, 1);
 }
 
-TEST_WITH(transmit_modes_choose_what_is_sent, bench_set_up, bench_tear_down)
+TEST_ON(transmit_modes_choose_what_is_sent, bench_open, bench)
 {
     static const struct {
         const char *command;
         size_t calibrated, uncalibrated;
     } modes[] = {{"07 00", 1, 0}, {"07 01", 0, 0}, {"07 03", 1, 0},
                  {"07 04", 1, 1}, {"07 02", 0, 0}, {"07 FF", 0, 0}};
-    struct board_bench *bench = *test_state;
 
-    bench_send(bench, 0, 0x20d, "08 01");
-    bench_send(bench, 0, 0x20d, "15 02 00 01 00"); /* calibrated fx is 256 counts higher */
+    bench_send(bench, 0, 0x20d, "08 01; 15 02 00 01 00"); /* calibrated fx is 256 counts higher */
     for (size_t i = 0; i < sizeof modes / sizeof *modes; i++) {
-        bench_send(bench, 0, 0x20d, modes[i].command);
-        bench_tick(bench);
+        bench_say(bench, 0, 0x20d, modes[i].command);
         assert_int_equal(bench_sent(bench, 0, 0x3da), modes[i].calibrated);
         assert_int_equal(bench_sent(bench, 0, 0x3db), modes[i].calibrated);
         assert_int_equal(bench_sent(bench, 0, 0x3d8), modes[i].uncalibrated);
         assert_int_equal(bench_sent(bench, 0, 0x3d9), modes[i].uncalibrated);
     }
     bench_send(bench, 0, 0x20d, "15 02 03 01 00"); /* and tx */
-    bench_send(bench, 0, 0x20d, "07 03");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x20d, "07 03");
     bench_expect(bench, 0, 0x3da, "00 80 00 80 00 80"); /* raw, without the tare */
     bench_expect(bench, 0, 0x3db, "00 80 00 80 00 80");
-    bench_send(bench, 0, 0x20d, "07 04");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x20d, "07 04");
     bench_expect_frame(&bench->frame[0][0], 0x3da, "00 81 00 80 00 80");
     bench_expect_frame(&bench->frame[0][2], 0x3d8, "00 80 00 80 00 80");
 }
 
-TEST_WITH(saturated_frames_are_longer_and_hold_the_last_good_values, bench_set_up, bench_tear_down)
+TEST_ON(saturated_frames_are_longer_and_hold_the_last_good_values, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x20d, "07 04");
-    bench_send(bench, 0, 0x20d, "08 01");
+    bench_send(bench, 0, 0x20d, "07 04; 08 01");
     bench->ft = (struct ft_sense){.force_n = {750.0, 0.0, 0.0}, .torque_nm = {0.0, 10.0, 0.0}};
     bench_tick(bench);
     bench_expect(bench, 0, 0x3da, "00 C0 00 80 00 80");
@@ -166,16 +153,14 @@ TEST_WITH(saturated_frames_are_longer_and_hold_the_last_good_values, bench_set_u
 }
 
 /* Raw readings of 1000 and 64000 are the last good ones. */
-TEST_WITH(saturation_begins_below_1000_and_above_64000, bench_set_up, bench_tear_down)
+TEST_ON(saturation_begins_below_1000_and_above_64000, bench_open, bench)
 {
     static const struct {
         int raw;
         uint8_t length;
     } cases[] = {{1000, 6}, {999, 7}, {64000, 6}, {64001, 7}, {0, 7}, {65535, 7}};
-    struct board_bench *bench = *test_state;
 
-    bench_send(bench, 0, 0x20d, "07 00");
-    bench_send(bench, 0, 0x20d, "08 01");
+    bench_send(bench, 0, 0x20d, "07 00; 08 01");
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         bench->ft.force_n[2] = (cases[i].raw - 32768) / 32768.0 * 2000.0;
         bench_tick(bench);
@@ -191,10 +176,8 @@ TEST_WITH(saturation_begins_below_1000_and_above_64000, bench_set_up, bench_tear
     }
 }
 
-TEST_WITH(commands_of_the_board_are_answered_big_endian, bench_set_up, bench_tear_down)
+TEST_ON(commands_of_the_board_are_answered_big_endian, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     ft_ask(bench, "18 00", "18 00 05 DC");
     ft_ask(bench, "18 02", "18 02 07 D0");
     ft_ask(bench, "18 15", "18 15 00 28");          /* of regulation set 1 */
@@ -218,18 +201,9 @@ TEST_WITH(commands_of_the_board_are_answered_big_endian, bench_set_up, bench_tea
     ft_ask(bench, "18 04", "18 04 01 02");
     bench_send(bench, 0, 0x20d, "19 41 42 43 44 45 46 47");
     ft_ask(bench, "1A", "1A 41 42 43 44 45 46 47");
-    bench_send(bench, 0, 0x20d, "01 00");
-    bench_send(bench, 0, 0x20d, "05 3F");
-    bench_send(bench, 0, 0x20d, "06 00");
+    bench_send(bench, 0, 0x20d, "01 00; 05 3F; 06 00");
     assert_int_equal(bench_counters(bench).malformed, 0);
-    bench_send(bench, 0, 0x20d, "18 06");
-    bench_send(bench, 0, 0x20d, "0A 06 00");
-    bench_send(bench, 0, 0x20d, "0A 00 06");
-    bench_send(bench, 0, 0x20d, "0B 06");
-    bench_send(bench, 0, 0x20d, "0C 06 00");
-    bench_send(bench, 0, 0x20d, "14 06");
-    bench_send(bench, 0, 0x20d, "13 02");
-    bench_send(bench, 0, 0x20d, "13 03");
+    bench_send(bench, 0, 0x20d, "18 06; 0A 06 00; 0A 00 06; 0B 06; 0C 06 00; 14 06; 13 02; 13 03");
     bench_send(bench, 0, 0x20d, "13 02 06 00 00");
     assert_int_equal(bench_counters(bench).malformed, 9);
     bench_send(bench, 0, 0x20d, "1D 00");
@@ -237,10 +211,8 @@ TEST_WITH(commands_of_the_board_are_answered_big_endian, bench_set_up, bench_tea
 }
 
 /* The high half of the byte that selects a channel: hosts of newer boards name set 1. */
-TEST_WITH(a_regulation_set_may_stand_beside_the_channel, bench_set_up, bench_tear_down)
+TEST_ON(a_regulation_set_may_stand_beside_the_channel, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_send(bench, 0, 0x20d, "04 12 02 03"); /* DAC */
     ft_ask(bench, "0B 12", "0B 12 02 03");
     ft_ask(bench, "0B 02", "0B 02 02 03");
@@ -256,25 +228,16 @@ TEST_WITH(a_regulation_set_may_stand_beside_the_channel, bench_set_up, bench_tea
     assert_int_equal(bench_counters(bench).malformed, 0);
 
     /* no seventh channel in any set, and the current tare is in none */
-    bench_send(bench, 0, 0x20d, "04 16 02 03");
-    bench_send(bench, 0, 0x20d, "0B 16");
-    bench_send(bench, 0, 0x20d, "13 02 16 00 00");
-    bench_send(bench, 0, 0x20d, "14 16");
-    bench_send(bench, 0, 0x20d, "15 02 14 00 00");
-    bench_send(bench, 0, 0x20d, "16 14");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x20d, "04 16 02 03; 0B 16; 13 02 16 00 00; 14 16; 15 02 14 00 00; 16 14");
     assert_int_equal(bench->count[0], 0);
     assert_int_equal(bench_counters(bench).malformed, 6);
 }
 
-TEST_WITH(tares_take_the_present_load_away, bench_set_up, bench_tear_down)
+TEST_ON(tares_take_the_present_load_away, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->ft.force_n[0] = 750.0; /* 0x4000 counts */
     bench->ft.torque_nm[2] = -10.0;
-    bench_send(bench, 0, 0x20d, "07 00");
-    bench_send(bench, 0, 0x20d, "08 01");
+    bench_send(bench, 0, 0x20d, "07 00; 08 01");
     bench_ticks(bench, 2);
     bench_expect(bench, 0, 0x3da, "00 C0 00 80 00 80");
     ft_ask(bench, "0C 00 00", "0C 00 00 C0 00");
@@ -283,34 +246,27 @@ TEST_WITH(tares_take_the_present_load_away, bench_set_up, bench_tear_down)
     bench_expect(bench, 0, 0x3da, "00 80 00 80 00 80");
     bench_expect(bench, 0, 0x3db, "00 80 00 80 00 80");
     ft_ask(bench, "0C 00 01", "0C 00 01 80 00");
-    bench_send(bench, 0, 0x20d, "15 00"); /* reset */
-    bench_tick(bench);
+    bench_say(bench, 0, 0x20d, "15 00"); /* reset */
     bench_expect(bench, 0, 0x3da, "00 C0 00 80 00 80");
     bench_send(bench, 0, 0x20d, "13 01"); /* calibration tare, automatic */
     ft_ask(bench, "14 05", "14 05 20 00");
     bench_expect(bench, 0, 0x3da, "00 80 00 80 00 80");
-    bench_send(bench, 0, 0x20d, "13 00");
-    bench_send(bench, 0, 0x20d, "13 02 01 FF FE"); /* channel 1: -2 */
+    bench_send(bench, 0, 0x20d, "13 00; 13 02 01 FF FE"); /* channel 1: -2 */
     ft_ask(bench, "14 01", "14 01 FF FE");
     bench_expect(bench, 0, 0x3da, "00 C0 FE 7F 00 80");
 }
 
 /* Readings and tares end at 16 bits, they do not wrap: 0xF9FF and 0x03E8 are the last good ones. */
-TEST_WITH(tares_end_where_16_bits_end, bench_set_up, bench_tear_down)
+TEST_ON(tares_end_where_16_bits_end, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x20d, "07 04");
-    bench_send(bench, 0, 0x20d, "08 01");
+    bench_send(bench, 0, 0x20d, "07 04; 08 01");
     for (int i = 0; i < 2; i++) {
         bench->ft.force_n[0] = (i ? -31000.0 : 31000.0) / 32768.0 * 1500.0;
-        bench_send(bench, 0, 0x20d, i ? "13 02 00 F8 30" : "13 02 00 07 D0"); /* 2000 further */
-        bench_tick(bench);
+        bench_say(bench, 0, 0x20d, i ? "13 02 00 F8 30" : "13 02 00 07 D0"); /* 2000 further */
         bench_expect(bench, 0, 0x3d8, i ? "00 00 00 80 00 80" : "FF FF 00 80 00 80");
         bench_expect(bench, 0, 0x3da, i ? "00 00 00 80 00 80" : "FF FF 00 80 00 80");
         ft_ask(bench, "0C 00 00", i ? "0C 00 00 00 00" : "0C 00 00 FF FF");
-        bench_send(bench, 0, 0x20d, i ? "15 02 00 FF FF" : "15 02 00 00 01"); /* and 1 more */
-        bench_tick(bench);
+        bench_say(bench, 0, 0x20d, i ? "15 02 00 FF FF" : "15 02 00 00 01"); /* and 1 more */
         bench_expect(bench, 0, 0x3da, i ? "00 00 00 80 00 80" : "FF FF 00 80 00 80");
         bench_send(bench, 0, 0x20d, "15 00");
     }
@@ -324,45 +280,30 @@ TEST_WITH(tares_end_where_16_bits_end, bench_set_up, bench_tear_down)
 
 /* The matrix takes readings with their tares as they end, and its rows end at 16 bits, too: fy is
  * -fx, fz half of fx, ty is fx + ty less a tare of 100. */
-TEST_WITH(the_matrix_takes_what_16_bits_hold, bench_set_up, bench_tear_down)
+TEST_ON(the_matrix_takes_what_16_bits_hold, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x20d, "07 00");
-    bench_send(bench, 0, 0x20d, "08 01");
-    bench_send(bench, 0, 0x20d, "03 01 00 80 01");
-    bench_send(bench, 0, 0x20d, "03 02 00 40 00");
-    bench_send(bench, 0, 0x20d, "03 04 00 7F FF");
-    bench_send(bench, 0, 0x20d, "15 02 04 FF 9C");
+    bench_send(bench, 0, 0x20d, "07 00; 08 01; 03 01 00 80 01; 03 02 00 40 00");
+    bench_send(bench, 0, 0x20d, "03 04 00 7F FF; 15 02 04 FF 9C");
     bench->ft.torque_nm[1] = 20.0;
     bench->ft.force_n[0] = 31000.0 / 32768.0 * 1500.0;
-    bench_send(bench, 0, 0x20d, "13 02 00 07 D0");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x20d, "13 02 00 07 D0");
     bench_expect(bench, 0, 0x3da, "FF FF 01 00 00 C0");
     bench_expect(bench, 0, 0x3db, "00 80 9B FF 00 80");
     bench->ft.force_n[0] = -31000.0 / 32768.0 * 1500.0;
-    bench_send(bench, 0, 0x20d, "13 02 00 F8 30");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x20d, "13 02 00 F8 30");
     bench_expect(bench, 0, 0x3da, "00 00 FF FF 00 40");
 }
 
-TEST_WITH(the_matrix_mixes_the_channels, bench_set_up, bench_tear_down)
+TEST_ON(the_matrix_mixes_the_channels, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->ft.force_n[0] = 750.0;
-    bench_send(bench, 0, 0x20d, "07 00");
-    bench_send(bench, 0, 0x20d, "08 01");
-    bench_send(bench, 0, 0x20d, "03 00 00 00 00"); /* fx from nothing */
-    bench_send(bench, 0, 0x20d, "03 01 00 80 01"); /* fy from -fx */
-    bench_tick(bench);
+    bench_send(bench, 0, 0x20d, "07 00; 08 01; 03 00 00 00 00"); /* fx from nothing */
+    bench_say(bench, 0, 0x20d, "03 01 00 80 01");                /* fy from -fx */
     bench_expect(bench, 0, 0x3da, "00 80 00 40 00 80");
 }
 
-TEST_WITH(joint_torques_come_in_pseudo_strain_frames, bench_set_up, bench_tear_down)
+TEST_ON(joint_torques_come_in_pseudo_strain_frames, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->sense[0].torque_nm = 27.5;     /* half of 55 */
     bench->sense[1].torque_nm = -13.75;   /* a quarter */
     bench->sense[2].torque_nm = 0.001678; /* one step of 1.7 mNm */
@@ -370,31 +311,22 @@ TEST_WITH(joint_torques_come_in_pseudo_strain_frames, bench_set_up, bench_tear_d
     bench_ticks(bench, 4);
     bench_expect(bench, 0, 0x3ca, "00 C0 00 60 01 80");
     bench_expect(bench, 0, 0x3cb, "00 80 00 80 00 80"); /* channels without a joint */
-    bench_send(bench, 0, 0x20c, "18 00");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x20c, "18 00");
     bench_expect(bench, 0, 0x2c0, "18 00 00 37");
 }
 
-TEST_WITH(a_sensor_without_a_number_keeps_its_last, bench_set_up, bench_tear_down)
+TEST_ON(a_sensor_without_a_number_keeps_its_last, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->ft.force_n[0] = 750.0;
-    bench_send(bench, 0, 0x20d, "07 00");
-    bench_send(bench, 0, 0x20d, "08 01");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x20d, "07 00; 08 01");
     bench->ft.force_n[0] = (double)NAN;
     bench_tick(bench);
     bench_expect(bench, 0, 0x3da, "00 C0 00 80 00 80");
 }
 
-TEST_WITH(settings_survive_a_restart_and_the_tare_does_not, bench_set_up, bench_tear_down)
+TEST_ON(settings_survive_a_restart_and_the_tare_does_not, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
-    bench_send(bench, 0, 0x20d, "19 41 42 43 44 45 46 47");
-    bench_send(bench, 0, 0x20d, "15 02 00 01 00");
-    bench_send(bench, 0, 0x20d, "07 00");
+    bench_send(bench, 0, 0x20d, "19 41 42 43 44 45 46 47; 15 02 00 01 00; 07 00");
     bench_send(bench, 0, 0x70d, "00");
     bench_ticks(bench, 100);
     assert_int_equal(bench->count[0], 0);
@@ -406,22 +338,16 @@ TEST_WITH(settings_survive_a_restart_and_the_tare_does_not, bench_set_up, bench_
 }
 
 /* Nothing was good since the restart: saturated frames hold zeros, not the values of before. */
-TEST_WITH(what_is_held_is_forgotten_by_a_restart, bench_set_up, bench_tear_down)
+TEST_ON(what_is_held_is_forgotten_by_a_restart, bench_open, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->ft.force_n[0] = 750.0;
-    bench_send(bench, 0, 0x20d, "07 00");
-    bench_send(bench, 0, 0x20d, "08 01");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x20d, "07 00; 08 01");
     bench_expect(bench, 0, 0x3da, "00 C0 00 80 00 80");
     bench_send(bench, 0, 0x20d, "08 FF"); /* the next frames would come much later */
     bench_ticks(bench, 3);
     bench_send(bench, 0, 0x70d, "00");
     bench->ft.force_n[1] = 1600.0;
     bench_ticks(bench, 5001);
-    bench_send(bench, 0, 0x20d, "07 00");
-    bench_send(bench, 0, 0x20d, "08 01");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x20d, "07 00; 08 01");
     bench_expect(bench, 0, 0x3da, "00 80 00 80 00 80 21");
 }

@@ -148,14 +148,11 @@ TEST(too_small_an_arena_is_an_error_at_any_size)
     assert_true(size > 4096); /* it did fail before */
 }
 
-TEST_WITH(a_rig_without_boards_does_nothing, bench_configured, bench_tear_down)
+TEST_ON(a_rig_without_boards_does_nothing, bench_configure, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->config.nboard = 0;
     bench_start(bench);
-    bench_send(bench, 0, 0x70f, "FF");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x70f, "FF");
     assert_int_equal(bench->count[0], 0);
     assert_int_equal(bench_counters(bench).foreign, 1);
     boards_shut_down(bench->boards, bench->now_ns, &bench->command);

@@ -32,20 +32,10 @@ static void configure(struct board_bench *bench)
     bench->sense[0].winding_c = bench->sense[1].winding_c = 20.0;
 }
 
-FIXTURE(set_up)
+static inline void set_up(struct board_bench *bench)
 {
-    static struct board_bench bench;
-
-    configure(&bench);
-    bench_start(&bench);
-    *test_state = &bench;
-    return 0;
-}
-
-FIXTURE(tear_down)
-{
-    bench_stop(*test_state);
-    return 0;
+    configure(bench);
+    bench_start(bench);
 }
 
 /* A frame of CAN FD with bit rate switch arrives. */
@@ -116,10 +106,10 @@ static double value_of(struct board_bench *bench, unsigned number)
     return (double)value;
 }
 
-TEST_WITH(the_example_of_the_document, set_up, tear_down)
-{
-    struct board_bench *bench = *test_state;
+BENCH(set_up, struct board_bench, bench_stop)
 
+TEST_ON(the_example_of_the_document, set_up, bench)
+{
     bench->sense[0].qm = 0.008003 * 2.0 * M_PI; /* 80 of 0.0001 turn */
     bench->sense[0].current_a = -1.442 / BEMF;  /* -144 of 0.01 N m */
     bench->sensors.supply_v = 12.0;
@@ -132,10 +122,8 @@ TEST_WITH(the_example_of_the_document, set_up, tear_down)
     assert_near(value_of(bench, 0x022), -1.76, 1e-6);
 }
 
-TEST_WITH(a_value_comes_in_each_type_by_its_scale, set_up, tear_down)
+TEST_ON(a_value_comes_in_each_type_by_its_scale, set_up, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->sense[0].qm = -0.25001 * 2.0 * M_PI;
     bench->sense[0].current_a = 1.2501;
     bench_tick(bench);
@@ -159,10 +147,8 @@ TEST_WITH(a_value_comes_in_each_type_by_its_scale, set_up, tear_down)
     ask(bench, "11 01 15 01", "21 01 81 25 01 01 80");
 }
 
-TEST_WITH(what_does_not_exist_is_an_error_in_the_reply, set_up, tear_down)
+TEST_ON(what_does_not_exist_is_an_error_in_the_reply, set_up, bench)
 {
-    struct board_bench *bench = *test_state;
-
     ask(bench, "01 08 00 01 0F 00 11 0F", "30 08 01 30 0F 02 21 0F 00 50 50 50");
     ask(bench, "11 0F 11 08 11 0F", "21 0F 00 31 08 01");          /* the rest is not read */
     ask(bench, "12 0F", "31 10 01");                               /* none of a part */
@@ -176,9 +162,8 @@ TEST_WITH(what_does_not_exist_is_an_error_in_the_reply, set_up, tear_down)
     assert_near(value_of(bench, 0), 0.0, 0.0); /* stopped, as before */
 }
 
-TEST_WITH(a_reply_goes_to_who_asks_in_the_format_of_the_question, set_up, tear_down)
+TEST_ON(a_reply_goes_to_who_asks_in_the_format_of_the_question, set_up, bench)
 {
-    struct board_bench *bench = *test_state;
     struct bus_frame frame = {.id = 0x8109, .flags = FRAME_EXTENDED, .len = 2, .data = {0x11, 0}};
 
     say(bench, 0x0001, "11 00");
@@ -204,9 +189,8 @@ TEST_WITH(a_reply_goes_to_who_asks_in_the_format_of_the_question, set_up, tear_d
     expect(bench, 0x900, FRAME_FD | FRAME_BRS | FRAME_EXTENDED, "");
 }
 
-TEST_WITH(a_uuid_selects_a_controller, set_up, tear_down)
+TEST_ON(a_uuid_selects_a_controller, set_up, bench)
 {
-    struct board_bench *bench = *test_state;
     char masked[64];
     const uint8_t *uuid;
 
@@ -226,10 +210,8 @@ TEST_WITH(a_uuid_selects_a_controller, set_up, tear_down)
     assert_false(bench->motor[0].bridge_on);
 }
 
-TEST_WITH(a_drive_needs_some_milliseconds_to_begin, set_up, tear_down)
+TEST_ON(a_drive_needs_some_milliseconds_to_begin, set_up, bench)
 {
-    struct board_bench *bench = *test_state;
-
     command(bench, "01 00 08 0D 1B 00 00 40 C1"); /* -12 V */
     ask(bench, "11 00", "21 00 03");              /* it calibrates */
     assert_false(bench->motor[0].bridge_on);
@@ -245,9 +227,8 @@ TEST_WITH(a_drive_needs_some_milliseconds_to_begin, set_up, tear_down)
 }
 
 /* The error of a current falls by half a millisecond; from rest 0.5 R I / (1 - exp(-1 ms R/L)). */
-TEST_WITH(a_torque_is_a_current, set_up, tear_down)
+TEST_ON(a_torque_is_a_current, set_up, bench)
 {
-    struct board_bench *bench = *test_state;
     double first = 0.5 * OHM * 3.0 / (1.0 - exp(-1e-3 * OHM / HENRY));
 
     keep(bench, "01 00 0A 0D 20 00 00 C0 7F", 20);
@@ -265,9 +246,8 @@ TEST_WITH(a_torque_is_a_current, set_up, tear_down)
 }
 
 /* Position errors become torque by kp, and velocities by kd; max torque holds. */
-TEST_WITH(the_position_loop_pulls_back, set_up, tear_down)
+TEST_ON(the_position_loop_pulls_back, set_up, bench)
 {
-    struct board_bench *bench = *test_state;
     const double kd = BEMF * BEMF / OHM * 2.0 * M_PI, kp = 40.0 * kd; /* of a turn */
 
     /* at 0, held; then it is 0.01 turn away, at rest again after some time */
@@ -290,9 +270,8 @@ TEST_WITH(the_position_loop_pulls_back, set_up, tear_down)
     assert_near(value_of(bench, 0x034), -kp * 0.01, 0.05);
 }
 
-TEST_WITH(a_command_is_valid_until_the_watchdog, set_up, tear_down)
+TEST_ON(a_command_is_valid_until_the_watchdog, set_up, bench)
 {
-    struct board_bench *bench = *test_state;
     struct board_event event;
 
     keep(bench, "01 00 0A 0D 20 00 00 C0 7F 0D 22 00 00 00 41", 20);
@@ -328,7 +307,7 @@ TEST_WITH(a_command_is_valid_until_the_watchdog, set_up, tear_down)
     ask(bench, "11 00", "21 00 0A");
 }
 
-TEST_WITH(a_fault_stays_until_a_stop, set_up, tear_down)
+TEST_ON(a_fault_stays_until_a_stop, set_up, bench)
 {
     static const struct {
         const char *name, *reply;
@@ -338,7 +317,6 @@ TEST_WITH(a_fault_stays_until_a_stop, set_up, tear_down)
                  {"over-temperature", "21 00 01 21 0F 26", 48.0, 91.0, 0.0, 0.0},
                  {"encoder", "21 00 01 21 0F 23", 48.0, 20.0, (double)NAN, 0.0},
                  {"current sensor", "21 00 01 21 0F 23", 48.0, 20.0, 0.0, (double)INFINITY}};
-    struct board_bench *bench = *test_state;
     struct board_event event;
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
@@ -375,7 +353,7 @@ TEST_WITH(a_fault_stays_until_a_stop, set_up, tear_down)
 
 /* A stop position is refused with a limit of speed or acceleration, also the default one; in other
  * modes it has no meaning. */
-TEST_WITH(a_stop_position_needs_both_limits_lifted, set_up, tear_down)
+TEST_ON(a_stop_position_needs_both_limits_lifted, set_up, bench)
 {
     static const struct {
         const char *command, *reply;
@@ -388,7 +366,6 @@ TEST_WITH(a_stop_position_needs_both_limits_lifted, set_up, tear_down)
         {"01 00 0A 0D 26 00 00 C0 7F", "21 00 0A 21 0F 00"},
         {"01 00 0C 0D 26 00 00 00 00", "21 00 0C 21 0F 00"},
     };
-    struct board_bench *bench = *test_state;
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         keep(bench, cases[i].command, 20);
@@ -399,10 +376,8 @@ TEST_WITH(a_stop_position_needs_both_limits_lifted, set_up, tear_down)
 }
 
 /* From 0 with 1 turn/s to the stop at 0.125 turn, and from there back with -1 turn/s to -0.125. */
-TEST_WITH(a_velocity_ends_at_the_stop_position, set_up, tear_down)
+TEST_ON(a_velocity_ends_at_the_stop_position, set_up, bench)
 {
-    struct board_bench *bench = *test_state;
-
     keep(bench, "01 00 0A", 20);
     for (int back = 0; back < 2; back++) {
         const char *moves = back ? "01 00 0A 0E 20 00 00 C0 7F 00 00 80 BF 0D 26 00 00 00 BE "
@@ -421,10 +396,8 @@ TEST_WITH(a_velocity_ends_at_the_stop_position, set_up, tear_down)
 }
 
 /* Both encoders have a speed: the motor's of the output, the link's of the joint. */
-TEST_WITH(each_encoder_tells_its_own_speed, set_up, tear_down)
+TEST_ON(each_encoder_tells_its_own_speed, set_up, bench)
 {
-    struct board_bench *bench = *test_state;
-
     for (int t = 0; t < 100; t++) {
         bench->sense[0].qm = 2.0 * M_PI * 2e-3 * t; /* 2 turn/s */
         bench->sense[0].q = 2.0 * M_PI * 0.5e-3 * t;
@@ -436,11 +409,10 @@ TEST_WITH(each_encoder_tells_its_own_speed, set_up, tear_down)
 }
 
 /* With an acceleration of 1 turn/s2 a quarter of a turn takes 1 s: half of it up to 0.5 turn/s. */
-TEST_WITH(a_path_keeps_to_its_limits, set_up, tear_down)
+TEST_ON(a_path_keeps_to_its_limits, set_up, bench)
 {
     static const char quarter[] = "01 00 0A 0D 20 00 00 80 3E 0D 29 00 00 80 3F 02 23 00 00 "
                                   "1E 38 11 0B";
-    struct board_bench *bench = *test_state;
     double fastest = 0.0, before = 0.0;
     int done = 0;
 
@@ -473,10 +445,8 @@ TEST_WITH(a_path_keeps_to_its_limits, set_up, tear_down)
     assert_near(value_of(bench, 0x038), 0.125, 1e-6);
 }
 
-TEST_WITH(the_position_can_be_set, set_up, tear_down)
+TEST_ON(the_position_can_be_set, set_up, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->sense[0].qm = 0.33 * 2.0 * M_PI;
     bench->sense[0].q = -0.25 * 2.0 * M_PI;
     bench_tick(bench);

@@ -4,6 +4,8 @@
 #include "tests/unit/boards/sensing/sensing_bench.h"
 #include "tests/test.h"
 
+static struct error error;
+
 static const double pi = 3.14159265358979323846;
 
 /* Returns the gain and the lag (rad) of the knee's torque for a sine of f_hz, by correlation over
@@ -127,7 +129,6 @@ TEST_WITH(instability_has_its_rms_and_correlation, set_up, tear_down)
     const double s = 2e-3, T = 0.05;
     const int lag[LAGS] = {0, 10, 50, 150}, rounds = 1500;
     double product[LAGS] = {0.0}, n = 0.0;
-    struct error error;
 
     bench->config.imu.gyro = bench->config.imu.accel =
         (struct sensor_error){.instability_rms = s, .instability_s = T};
@@ -315,7 +316,6 @@ TEST_WITH(refuses_what_no_channel_can_do, set_up, tear_down)
                                          {.instability_rms = 0.1},
                                          {.instability_rms = 0.1, .instability_s = (double)NAN},
                                          {.gain_per_k = (double)INFINITY}};
-    struct error error;
 
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         bench->joint[0].torque = wrong[i];

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Windings that heat: what the boards tell of their temperature and when they stop. */
-#include "boards/foc/protocol.h"
 #include "boards/sensing/sensing.h"
 #include "boards/protocol_list.h"
 #include "tests/protocol_file.h"
@@ -24,24 +23,20 @@ static void configure(struct board_bench *bench)
     }
 }
 
-FIXTURE(set_up)
+static inline void set_up(struct board_bench *bench)
 {
-    static struct board_bench bench;
-
-    configure(&bench);
-    bench_start(&bench);
-    bench_send(&bench, 0, 0x001, "09 50");
-    bench_send(&bench, 0, 0x001, "89 50");
-    bench_ticks(&bench, 8);
-    assert_true(bench.motor[0].bridge_on && bench.motor[1].bridge_on);
-    *test_state = &bench;
-    return 0;
+    configure(bench);
+    bench_start(bench);
+    bench_send(bench, 0, 0x001, "09 50; 89 50");
+    bench_ticks(bench, 8);
+    assert_true(bench->motor[0].bridge_on && bench->motor[1].bridge_on);
 }
 
-TEST_WITH(an_axis_above_its_limit_stops_and_says_so_in_status, set_up, bench_tear_down)
+BENCH(set_up, struct board_bench, bench_stop)
+
+TEST_ON(an_axis_above_its_limit_stops_and_says_so_in_status, set_up, bench)
 {
     struct board_event event;
-    struct board_bench *bench = *test_state;
 
     bench->sense[0].winding_c = LIMIT_C; /* not yet above */
     assert_null(bench_next_status(bench));
@@ -58,27 +53,20 @@ TEST_WITH(an_axis_above_its_limit_stops_and_says_so_in_status, set_up, bench_tea
     assert_int_equal(bench_counters(bench).trips, 2);
 }
 
-TEST_WITH(a_hot_axis_trips_again_until_it_has_cooled, set_up, bench_tear_down)
+TEST_ON(a_hot_axis_trips_again_until_it_has_cooled, set_up, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->sense[0].winding_c = 80.0;
     bench_ticks(bench, 8);
-    bench_send(bench, 0, 0x001, "09 09");
-    bench_send(bench, 0, 0x001, "09 50");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "09 09; 09 50");
     assert_false(bench->motor[0].bridge_on);
     bench->sense[0].winding_c = 69.9;
     bench_ticks(bench, 8);
-    bench_send(bench, 0, 0x001, "09 09");
-    bench_send(bench, 0, 0x001, "09 50");
+    bench_send(bench, 0, 0x001, "09 09; 09 50");
     bench_expect_frame(bench_next_status(bench), BENCH_STATUS, "00 50 00 50 00 00 00 00");
 }
 
-TEST_WITH(the_host_reads_and_moves_the_limit, set_up, bench_tear_down)
+TEST_ON(the_host_reads_and_moves_the_limit, set_up, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench_ask(bench, "7A", "7A BC 02"); /* 700: 0.1 degree C a count */
     bench_send(bench, 0, 0x001, "79 2C 01");
     bench_ask(bench, "7A", "7A 2C 01");
@@ -93,10 +81,8 @@ TEST_WITH(the_host_reads_and_moves_the_limit, set_up, bench_tear_down)
     assert_true(bench->motor[1].bridge_on);
 }
 
-TEST_WITH(a_thermometer_without_a_number_is_told_and_stops_nothing, set_up, bench_tear_down)
+TEST_ON(a_thermometer_without_a_number_is_told_and_stops_nothing, set_up, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->sense[1].winding_c = NAN;
     bench_expect_frame(bench_next_status(bench), BENCH_STATUS, "00 50 00 50 00 10 00 00");
     assert_true(bench->motor[1].bridge_on);
@@ -104,7 +90,7 @@ TEST_WITH(a_thermometer_without_a_number_is_told_and_stops_nothing, set_up, benc
 
 /* T(t) = ambient + R I^2 Rth (1 - exp(-t / tau)); from 70.05 C on a reading rounds up to 70.1 C,
  * which is above the limit. */
-TEST_WITH(the_trip_comes_when_the_winding_s_law_says, set_up, bench_tear_down)
+TEST_ON(the_trip_comes_when_the_winding_s_law_says, set_up, bench)
 {
     const struct sensor_thermal thermal = {
         .ambient_c = 25.0, .resistance_ohm = 0.664, .k_per_w = 1.5, .time_constant_s = 0.5};
@@ -118,7 +104,6 @@ TEST_WITH(the_trip_comes_when_the_winding_s_law_says, set_up, bench_tear_down)
     struct sensing *sensing;
     struct arena arena;
     struct error error;
-    struct board_bench *bench = *test_state;
     int ms = 0;
 
     for (int j = 1; j < BENCH_JOINTS; j++) {
@@ -161,8 +146,7 @@ TEST(a_2foc_with_a_thermometer_trips_with_over_heating)
         assert_true(bench.motor[0].bridge_on);
         bench.sense[0].winding_c = LIMIT_C + 0.1;
         bench_tick(&bench);
-        bench_send(&bench, 0, 0x10f, "00 00");
-        bench_tick(&bench);
+        bench_say(&bench, 0, 0x10f, "00 00");
         assert_int_equal(bench.motor[0].bridge_on, !thermometer);
         bench_expect(&bench, 0, 0x113,
                      thermometer ? "A0 00 00 00 00 02 00 00" : "50 00 00 00 00 00 00 00");
@@ -170,25 +154,24 @@ TEST(a_2foc_with_a_thermometer_trips_with_over_heating)
     }
 }
 
-TEST(a_compact_board_tells_whole_degrees_and_trips_at_its_limit)
+BENCH(configure, struct board_bench, bench_stop)
+
+TEST_ON(a_compact_board_tells_whole_degrees_and_trips_at_its_limit, configure, bench)
 {
     const struct boards_bus_config buses[BENCH_BUSES] = {
         {.protocol = &protocol_compact, .described = protocol_file("compact")}};
-    struct board_bench bench;
 
-    configure(&bench);
-    bench.config.bus = buses;
-    bench.config.nboard = 1;
-    bench.board[0].axis[2].joint = bench.board[0].axis[3].joint = -1;
-    bench_start(&bench);
-    bench_send(&bench, 0, 0x020, "01 03 00 00 00");
-    bench.sense[0].winding_c = 70.4;
-    bench_ticks(&bench, 2);
-    assert_true(bench.motor[0].bridge_on && bench.motor[1].bridge_on);
-    bench.sense[0].winding_c = 70.6;
-    bench_ticks(&bench, 2);
-    bench_expect(&bench, 0, 0x200, "07 40 00 80 BB 47 00 00");
-    assert_false(bench.motor[0].bridge_on);
-    assert_true(bench.motor[1].bridge_on);
-    bench_stop(&bench);
+    bench->config.bus = buses;
+    bench->config.nboard = 1;
+    bench->board[0].axis[2].joint = bench->board[0].axis[3].joint = -1;
+    bench_start(bench);
+    bench_send(bench, 0, 0x020, "01 03 00 00 00");
+    bench->sense[0].winding_c = 70.4;
+    bench_ticks(bench, 2);
+    assert_true(bench->motor[0].bridge_on && bench->motor[1].bridge_on);
+    bench->sense[0].winding_c = 70.6;
+    bench_ticks(bench, 2);
+    bench_expect(bench, 0, 0x200, "07 40 00 80 BB 47 00 00");
+    assert_false(bench->motor[0].bridge_on);
+    assert_true(bench->motor[1].bridge_on);
 }

@@ -4,8 +4,6 @@
 #include "boards/sensing/inertial.h"
 #include "tests/test.h"
 
-#include <math.h>
-
 static void assert_close(double value, double expected, double tolerance)
 {
     if (!(fabs(value - expected) <= tolerance)) {

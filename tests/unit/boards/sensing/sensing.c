@@ -4,6 +4,8 @@
 #include "tests/unit/boards/sensing/sensing_bench.h"
 #include "tests/test.h"
 
+static struct error error;
+
 /* Arms the faults of the lines given, up to the NULL. */
 static void arm(struct bench *bench, const char *const *line)
 {
@@ -18,7 +20,6 @@ static void arm(struct bench *bench, const char *const *line)
                                       .ft = ft,
                                       .imu = true};
     struct fault fault[8];
-    struct error error;
     size_t count = 0;
 
     for (; line && line[count]; count++) {
@@ -367,7 +368,6 @@ TEST_WITH(crosstalk_shows_the_same_part_of_full_scale_on_every_other_channel, se
 TEST_WITH(refuses_impossible_errors, set_up, tear_down)
 {
     struct bench *bench = *test_state;
-    struct error error;
 
     bench->joint[1].torque.noise_rms = -1.0;
     assert_int_equal(sensing_create(&bench->config, &bench->arena, &bench->sensing, &error),

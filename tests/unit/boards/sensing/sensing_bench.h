@@ -6,10 +6,6 @@
 #include "boards/sensing/sensing.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 enum { JOINTS = 2, FTS = 1, TICK_NS = 1000000, SAMPLES = 100000 };
 
 struct bench {

@@ -2,10 +2,6 @@
 /* The capsule as a mesh: sound, and as large as the capsule. */
 #include "contact/mesh/mesh.h"
 
-#include <math.h>
-#include <stdbool.h>
-#include <string.h>
-
 #include "tests/physics/near.h"
 #include "tests/unit/arena_fixture.h"
 #include "tests/test.h"

@@ -2,8 +2,6 @@
 /* Half-edges being sorted, against the order by comparison. */
 #include "contact/mesh/mesh.h"
 
-#include <stdlib.h>
-
 #include "tests/unit/arena_fixture.h"
 #include "tests/test.h"
 

@@ -3,11 +3,6 @@
 #include "contact/mesh/solid_store.h"
 #include "tests/test.h"
 
-#include <stdbool.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
 /* The linker sends the library's calls here (--wrap). */
 void *__real_malloc(size_t size);
 void *__real_calloc(size_t count, size_t size);

@@ -3,9 +3,6 @@
 #include "contact/mesh/mesh.h"
 
 #include <float.h>
-#include <math.h>
-#include <stdbool.h>
-#include <string.h>
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/physics/near.h"

@@ -2,9 +2,6 @@
 /* OBJ text in all the forms that are taken, and every way to be refused with its place. */
 #include "contact/mesh/solid_store.h"
 
-#include <stdbool.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 

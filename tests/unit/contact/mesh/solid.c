@@ -8,7 +8,6 @@
 #include "base/vec3.h"
 
 #include <float.h>
-#include <string.h>
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/contact/random_number.h"

@@ -4,9 +4,6 @@
 
 #include "contact/contact.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 #include "tests/unit/arena_fixture.h"

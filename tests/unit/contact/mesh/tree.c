@@ -2,8 +2,6 @@
 /* The bounding-volume tree against brute force. */
 #include "contact/mesh/tree.h"
 
-#include <math.h>
-
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/contact/random_number.h"
 #include "tests/test.h"

@@ -4,9 +4,6 @@
  */
 #include "contact/native/anchor.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "base/vec3.h"
 #include "tests/physics/near.h"
 #include "tests/test.h"

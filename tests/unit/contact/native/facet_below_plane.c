@@ -5,9 +5,6 @@
  */
 #include "contact/native/facet_below_plane.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "base/vec3.h"
 #include "contact/native/friction_sums.h"
 #include "tests/physics/near.h"

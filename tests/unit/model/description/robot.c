@@ -4,6 +4,8 @@
 #include "model/spatial.h"
 #include "tests/test.h"
 
+static struct error error;
+
 /* A free trunk with an upper and a lower arm, a frame, a sensor and a pose, all of it sound. */
 struct sample {
     struct robot robot;
@@ -58,8 +60,6 @@ static void fill(struct sample *s)
 
 static void assert_refused(struct sample *s, const char *why)
 {
-    struct error error;
-
     assert_int_equal(robot_finish(&s->robot, &error), ERROR_INPUT);
     if (!strstr(error.text, why)) {
         fail_msg("found \"%s\", expected it to say \"%s\"", error.text, why);
@@ -69,8 +69,6 @@ static void assert_refused(struct sample *s, const char *why)
 
 static void assert_accepted(struct sample *s)
 {
-    struct error error;
-
     assert_no_error(robot_finish(&s->robot, &error), error.text);
 }
 
@@ -150,28 +148,26 @@ TEST(the_hash_follows_the_equations_of_motion_and_nothing_else)
     assert_true(hash_of(&s) != hash);
 }
 
-TEST(refuses_inertias_that_no_body_has)
-{
-    struct sample s;
+BENCH(fill, struct sample, assert_accepted)
 
-    fill(&s);
-    s.body[1].inertia.mass = -1.0;
-    assert_refused(&s, "body upper: mass -1 kg is negative");
-    s.body[1].inertia.com[2] = NAN;
-    assert_refused(&s, "body upper: a mass property is not finite");
-    s.body[2].inertia.I[0] = 0.2;
-    assert_refused(&s, "the largest exceeds the sum of the others");
-    s.body[2].inertia.I[1] = 0.06;
-    assert_refused(&s, "inertia is not positive");
-    s.body[0].inertia.mass = 0.0;
-    assert_refused(&s, "body trunk: inertia without mass");
-    s.ft.distal.mass = -0.1;
-    assert_refused(&s, "below sensor wrist: mass -0.1 kg is negative");
+TEST_ON(refuses_inertias_that_no_body_has, fill, s)
+{
+    s->body[1].inertia.mass = -1.0;
+    assert_refused(s, "body upper: mass -1 kg is negative");
+    s->body[1].inertia.com[2] = NAN;
+    assert_refused(s, "body upper: a mass property is not finite");
+    s->body[2].inertia.I[0] = 0.2;
+    assert_refused(s, "the largest exceeds the sum of the others");
+    s->body[2].inertia.I[1] = 0.06;
+    assert_refused(s, "inertia is not positive");
+    s->body[0].inertia.mass = 0.0;
+    assert_refused(s, "body trunk: inertia without mass");
+    s->ft.distal.mass = -0.1;
+    assert_refused(s, "below sensor wrist: mass -0.1 kg is negative");
 
     /* A thin plate, written with six digits, is one */
-    memcpy(s.body[2].inertia.I, (double[]){0.0123457, 0.0, 0.0, 0.0246913, 0.0, 0.03703705},
-           sizeof s.body[2].inertia.I);
-    assert_accepted(&s);
+    memcpy(s->body[2].inertia.I, (double[]){0.0123457, 0.0, 0.0, 0.0246913, 0.0, 0.03703705},
+           sizeof s->body[2].inertia.I);
 }
 
 static const struct robot_inertia nothing = {0};

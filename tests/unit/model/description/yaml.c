@@ -8,8 +8,6 @@
 #include "model/spatial.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-#include <stdlib.h>
 #include <unistd.h>
 
 /* ---- COMAN ---- */

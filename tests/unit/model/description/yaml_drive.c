@@ -5,12 +5,7 @@
 
 #include <dirent.h>
 #include <limits.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/test.h"

@@ -3,10 +3,6 @@
 #include "base/array.h"
 #include "model/hydraulics/hydraulic.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 #include "tests/unit/arena_fixture.h"

@@ -2,8 +2,6 @@
 /* The actuator equations as plain functions: signs, cases, powers. Motion: tests/physics. */
 #include "model/drives/actuator.h"
 
-#include <math.h>
-
 #include "tests/physics/coman_drive.h"
 #include "tests/physics/near.h"
 #include "tests/test.h"

@@ -7,9 +7,6 @@
 #include "model/drives/drive_flow.h"
 #include "model/stop.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "tests/physics/near.h"
 #include "tests/physics/toy.h"
 #include "tests/test.h"

@@ -3,7 +3,6 @@
  * Steady states against their closed forms: Coulomb's friction c, viscous Dm, and a share k of both
  * torques that the gear carries, F = c + k (motor + load); a gear that locks itself; no effects.
  */
-#include <math.h>
 
 #include "model/drives/steady.h"
 #include "tests/physics/near.h"

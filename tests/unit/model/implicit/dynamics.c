@@ -6,9 +6,6 @@
  */
 #include "model/dynamics.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "model/spatial.h"
 #include "model/symbolic/symbolic.h"
 #include "tests/unit/model/random_robot.h"

@@ -7,8 +7,6 @@
 #include "tests/unit/model/symbolic/evaluate.h"
 #include "tests/test.h"
 
-#include <stdlib.h>
-
 static long countdown = -1; /* 0: the next allocation fails; negative: none does */
 static long outstanding;
 

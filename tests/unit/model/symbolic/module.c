@@ -10,9 +10,6 @@
 #include "tests/unit/model/symbolic/evaluate.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 enum {

@@ -9,8 +9,6 @@
 #include "tests/unit/model/symbolic/evaluate.h"
 #include "tests/test.h"
 
-#include <stdlib.h>
-
 enum { TREES = 120, STATES = 3, BODIES = RANDOM_JOINTS + 1, VELOCITIES = RANDOM_JOINTS + 6 };
 
 /* ---- the graph ---- */
@@ -20,80 +18,65 @@ static expr input(struct graph *graph, int index)
     return graph_input(graph, DERIVE_Q, 1, &index);
 }
 
-TEST(constants_are_folded_and_zeros_and_ones_vanish)
+BENCH(graph_init, struct graph, graph_fini)
+
+TEST_ON(constants_are_folded_and_zeros_and_ones_vanish, graph_init, g)
 {
-    struct graph g;
+    expr x = input(g, 0), one = graph_const(g, 1.0), two = graph_const(g, 2.0);
 
-    graph_init(&g);
-    expr x = input(&g, 0), one = graph_const(&g, 1.0), two = graph_const(&g, 2.0);
-
-    assert_int_equal(graph_add(&g, two, two), graph_const(&g, 4.0));
-    assert_int_equal(graph_mul(&g, graph_const(&g, -3.0), two), graph_const(&g, -6.0));
-    assert_int_equal(graph_add(&g, x, EXPR_ZERO), x);
-    assert_int_equal(graph_mul(&g, x, EXPR_ZERO), EXPR_ZERO);
-    assert_int_equal(graph_mul(&g, one, x), x);
-    assert_int_equal(graph_mul(&g, x, expr_neg(one)), expr_neg(x));
-    assert_int_equal(graph_sub(&g, x, x), EXPR_ZERO);
-    assert_int_equal(graph_add(&g, x, x), graph_mul(&g, two, x));
-    assert_int_equal(graph_mul(&g, two, graph_mul(&g, x, two)),
-                     graph_mul(&g, x, graph_const(&g, 4.0)));
-    assert_int_equal(graph_sin(&g, EXPR_ZERO), EXPR_ZERO);
-    assert_int_equal(graph_cos(&g, EXPR_ZERO), one);
-    assert_int_equal(graph_invert(&g, graph_invert(&g, x)), x);
-    graph_fini(&g);
+    assert_int_equal(graph_add(g, two, two), graph_const(g, 4.0));
+    assert_int_equal(graph_mul(g, graph_const(g, -3.0), two), graph_const(g, -6.0));
+    assert_int_equal(graph_add(g, x, EXPR_ZERO), x);
+    assert_int_equal(graph_mul(g, x, EXPR_ZERO), EXPR_ZERO);
+    assert_int_equal(graph_mul(g, one, x), x);
+    assert_int_equal(graph_mul(g, x, expr_neg(one)), expr_neg(x));
+    assert_int_equal(graph_sub(g, x, x), EXPR_ZERO);
+    assert_int_equal(graph_add(g, x, x), graph_mul(g, two, x));
+    assert_int_equal(graph_mul(g, two, graph_mul(g, x, two)), graph_mul(g, x, graph_const(g, 4.0)));
+    assert_int_equal(graph_sin(g, EXPR_ZERO), EXPR_ZERO);
+    assert_int_equal(graph_cos(g, EXPR_ZERO), one);
+    assert_int_equal(graph_invert(g, graph_invert(g, x)), x);
 }
 
-TEST(equal_expressions_are_one_node_whatever_their_order_and_sign)
+TEST_ON(equal_expressions_are_one_node_whatever_their_order_and_sign, graph_init, g)
 {
-    struct graph g;
-
-    graph_init(&g);
-    expr x = input(&g, 0), y = input(&g, 1);
+    expr x = input(g, 0), y = input(g, 1);
     size_t count;
 
-    assert_int_equal(input(&g, 0), x);
-    assert_int_equal(graph_add(&g, x, y), graph_add(&g, y, x));
-    assert_int_equal(graph_sub(&g, x, y), expr_neg(graph_sub(&g, y, x)));
-    assert_int_equal(graph_mul(&g, expr_neg(x), y), expr_neg(graph_mul(&g, y, x)));
-    assert_int_equal(graph_sin(&g, expr_neg(x)), expr_neg(graph_sin(&g, x)));
-    assert_int_equal(graph_cos(&g, expr_neg(x)), graph_cos(&g, x));
-    count = g.count;
-    assert_int_equal(graph_add(&g, expr_neg(x), expr_neg(y)), expr_neg(graph_add(&g, x, y)));
-    assert_int_equal(graph_add(&g, expr_neg(x), y), graph_sub(&g, y, x));
-    assert_int_equal(g.count, count);
-    graph_fini(&g);
+    assert_int_equal(input(g, 0), x);
+    assert_int_equal(graph_add(g, x, y), graph_add(g, y, x));
+    assert_int_equal(graph_sub(g, x, y), expr_neg(graph_sub(g, y, x)));
+    assert_int_equal(graph_mul(g, expr_neg(x), y), expr_neg(graph_mul(g, y, x)));
+    assert_int_equal(graph_sin(g, expr_neg(x)), expr_neg(graph_sin(g, x)));
+    assert_int_equal(graph_cos(g, expr_neg(x)), graph_cos(g, x));
+    count = g->count;
+    assert_int_equal(graph_add(g, expr_neg(x), expr_neg(y)), expr_neg(graph_add(g, x, y)));
+    assert_int_equal(graph_add(g, expr_neg(x), y), graph_sub(g, y, x));
+    assert_int_equal(g->count, count);
 }
 
-TEST(sine_squared_and_cosine_squared_are_one)
+TEST_ON(sine_squared_and_cosine_squared_are_one, graph_init, g)
 {
-    struct graph g;
+    expr s = graph_sin(g, input(g, 0)), c = graph_cos(g, input(g, 0));
+    expr other = graph_cos(g, input(g, 1)), one = graph_const(g, 1.0);
 
-    graph_init(&g);
-    expr s = graph_sin(&g, input(&g, 0)), c = graph_cos(&g, input(&g, 0));
-    expr other = graph_cos(&g, input(&g, 1)), one = graph_const(&g, 1.0);
-
-    assert_int_equal(graph_add(&g, graph_mul(&g, s, s), graph_mul(&g, c, c)), one);
-    assert_int_equal(graph_add(&g, graph_mul(&g, c, c), graph_mul(&g, s, s)), one);
-    assert_int_not_equal(graph_add(&g, graph_mul(&g, s, s), graph_mul(&g, other, other)), one);
-    graph_fini(&g);
+    assert_int_equal(graph_add(g, graph_mul(g, s, s), graph_mul(g, c, c)), one);
+    assert_int_equal(graph_add(g, graph_mul(g, c, c), graph_mul(g, s, s)), one);
+    assert_int_not_equal(graph_add(g, graph_mul(g, s, s), graph_mul(g, other, other)), one);
 }
 
-TEST(packing_and_taking_lanes_undo_each_other)
+TEST_ON(packing_and_taking_lanes_undo_each_other, graph_init, g)
 {
-    struct graph g;
-
-    graph_init(&g);
     const int index[2] = {3, 5};
-    expr x = graph_sin(&g, graph_input(&g, DERIVE_Q, 2, index));
-    expr both[2] = {graph_lane(&g, x, 0), graph_lane(&g, x, 1)};
+    expr x = graph_sin(g, graph_input(g, DERIVE_Q, 2, index));
+    expr both[2] = {graph_lane(g, x, 0), graph_lane(g, x, 1)};
     expr swapped[2] = {both[1], both[0]}, same[2] = {both[0], both[0]};
 
-    assert_int_equal(graph_pack(&g, 2, both), x);
-    assert_int_not_equal(graph_pack(&g, 2, swapped), x);
-    assert_int_equal(graph_lane(&g, graph_pack(&g, 2, swapped), 0), both[1]);
-    assert_int_equal(graph_pack(&g, 2, same), both[0]);
-    assert_int_equal(graph_lane(&g, graph_input(&g, DERIVE_Q, 2, index), 1), input(&g, 5));
-    graph_fini(&g);
+    assert_int_equal(graph_pack(g, 2, both), x);
+    assert_int_not_equal(graph_pack(g, 2, swapped), x);
+    assert_int_equal(graph_lane(g, graph_pack(g, 2, swapped), 0), both[1]);
+    assert_int_equal(graph_pack(g, 2, same), both[0]);
+    assert_int_equal(graph_lane(g, graph_input(g, DERIVE_Q, 2, index), 1), input(g, 5));
 }
 
 /* ---- the equations ---- */
