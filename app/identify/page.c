@@ -14,29 +14,6 @@ enum { SPECTRUM_LINES = 100 };
 /* Smallest correlation of two parameters that the page lists. */
 #define CORRELATED 0.8
 
-/* Computes the spectrum of a residual, rad: its amplitudes at the centers of equal frequency bands,
- * Hz. Uses a Fourier sum at the residual's own times, with a Hann window. */
-static void find_spectrum(const struct recording *r, const double *residual, double *frequency,
-                          double *amplitude)
-{
-    const double length = r->time[r->count - 1] - r->time[0];
-
-    for (size_t k = 0; k < SPECTRUM_LINES; k++) {
-        const double w = 2.0 * M_PI * SPECTRUM_HZ * ((double)k + 1.0) / SPECTRUM_LINES;
-        double real = 0.0, imaginary = 0.0;
-
-        for (size_t i = 0; i < r->count; i++) {
-            const double t = r->time[i] - r->time[0];
-            const double x = residual[i] * (1.0 - cos(2.0 * M_PI * t / length));
-
-            real += x * cos(w * t);
-            imaginary += x * sin(w * t);
-        }
-        frequency[k] = w / (2.0 * M_PI);
-        amplitude[k] = 2.0 * hypot(real, imaginary) / (double)r->count;
-    }
-}
-
 /* Adds plots of a recording to a page: measured and simulated angle, the residual, and its
  * spectrum. */
 static void identify_plot(struct report *report, const char *id, const struct recording *r,
@@ -54,7 +31,24 @@ static void identify_plot(struct report *report, const char *id, const struct re
     for (size_t i = 0; i < r->count; i++) {
         residual[i] = position[i] - r->position[i];
     }
-    find_spectrum(r, residual, frequency, amplitude);
+    /* Compute the spectrum of a residual, rad: its amplitudes at the centers of equal frequency
+     * bands, Hz. Use a Fourier sum at the residual's own times, with a Hann window. */
+    const double length = r->time[r->count - 1] - r->time[0];
+
+    for (size_t k = 0; k < SPECTRUM_LINES; k++) {
+        const double w = 2.0 * M_PI * SPECTRUM_HZ * ((double)k + 1.0) / SPECTRUM_LINES;
+        double real = 0.0, imaginary = 0.0;
+
+        for (size_t i = 0; i < r->count; i++) {
+            const double t = r->time[i] - r->time[0];
+            const double x = residual[i] * (1.0 - cos(2.0 * M_PI * t / length));
+
+            real += x * cos(w * t);
+            imaginary += x * sin(w * t);
+        }
+        frequency[k] = w / (2.0 * M_PI);
+        amplitude[k] = 2.0 * hypot(real, imaginary) / (double)r->count;
+    }
 
     const struct svg_series angle[] = {
         svg_line("measured", r->time, r->position, r->count, SVG_LINE),
@@ -231,27 +225,6 @@ static void add_bench(struct report *report, const struct validation *v)
     }
 }
 
-/* Adds a bench to the summary, with its errors in rad, or in % for points. */
-static void add_summary(struct report *report, const struct validation *v)
-{
-    const struct bench *bench = &v->bench.bench;
-    const bool points = bench->npoint > 0;
-    const double scale = points ? 100.0 : 1.0;
-    double best = -1.0;
-    char text[32];
-
-    for (size_t k = 0; k < bench->npublished; k++) {
-        const double one = points ? bench->published[k].error_share : bench->published[k].error_rad;
-
-        best = best < 0.0 || one < best ? one : best;
-    }
-    report_row(report, "%s|%s|%s|%.4f|%s|%.4f|%s", bench->name,
-               bench->description ? bench->description : "", points ? "%" : "rad", scale * v->mean,
-               error_text(scale * best, text),
-               scale * (points ? bench->limit_share : bench->limit_rad),
-               v->passed ? "passed" : "failed");
-}
-
 enum error_code validation_write_page(const struct validation *validation, size_t count,
                                       const char *folder, struct error *error)
 {
@@ -268,7 +241,24 @@ enum error_code validation_write_page(const struct validation *validation, size_
     report_table(&report, "summary", "Mean errors",
                  "bench|what|unit|ours|best published|limit|verdict");
     for (size_t i = 0; i < count; i++) {
-        add_summary(&report, &validation[i]);
+        const struct bench *bench = &validation[i].bench.bench;
+        const bool points = bench->npoint > 0;
+        const double scale = points ? 100.0 : 1.0;
+        double best = -1.0;
+        char text[32];
+
+        /* Add a bench to the summary, with its errors in rad, or in % for points */
+        for (size_t k = 0; k < bench->npublished; k++) {
+            const double one =
+                points ? bench->published[k].error_share : bench->published[k].error_rad;
+
+            best = best < 0.0 || one < best ? one : best;
+        }
+        report_row(&report, "%s|%s|%s|%.4f|%s|%.4f|%s", bench->name,
+                   bench->description ? bench->description : "", points ? "%" : "rad",
+                   scale * validation[i].mean, error_text(scale * best, text),
+                   scale * (points ? bench->limit_share : bench->limit_rad),
+                   validation[i].passed ? "passed" : "failed");
     }
     for (size_t i = 0; i < count; i++) {
         add_bench(&report, &validation[i]);

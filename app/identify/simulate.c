@@ -14,25 +14,6 @@
 /* Duration over which the initial position of a recording is averaged, s. */
 #define START_S 0.02
 
-/* Adds a uniform rod from the joint's axis, at the frame's origin, to the center of mass. */
-static void add_arm(struct robot_inertia *inertia, double arm)
-{
-    /* Both centers of mass lie on a line through the origin; apply the parallel axis theorem */
-    static const int row[6] = {0, 0, 0, 1, 1, 2}, column[6] = {0, 1, 2, 1, 2, 2};
-    const double total = inertia->mass + arm, *c = inertia->com;
-    const double apart = inertia->mass * arm / total * 0.25 + arm / 12.0;
-    const double square = c[0] * c[0] + c[1] * c[1] + c[2] * c[2];
-    const double moved = (inertia->mass + 0.5 * arm) / total;
-
-    for (int i = 0; i < 6; i++) {
-        inertia->I[i] += apart * ((row[i] == column[i] ? square : 0.0) - c[row[i]] * c[column[i]]);
-    }
-    for (int i = 0; i < 3; i++) {
-        inertia->com[i] *= moved;
-    }
-    inertia->mass = total;
-}
-
 /* Completes a trial in place: sets the pointers to its own parts, and adds the arm's mass. Like the
  * reader of a robot file, it enables the effects only if one is set. */
 static void settle_trial(struct trial_robot *trial)
@@ -40,7 +21,24 @@ static void settle_trial(struct trial_robot *trial)
     static const struct robot_effects none;
 
     if (trial->bench.arm_kg > 0.0) {
-        add_arm(&trial->body[1].inertia, trial->bench.arm_kg);
+        struct robot_inertia *inertia = &trial->body[1].inertia;
+        /* Both centers of mass lie on a line through the origin; apply the parallel axis theorem */
+        static const int row[6] = {0, 0, 0, 1, 1, 2}, column[6] = {0, 1, 2, 1, 2, 2};
+        const double total = inertia->mass + trial->bench.arm_kg, *c = inertia->com;
+        const double apart =
+            inertia->mass * trial->bench.arm_kg / total * 0.25 + trial->bench.arm_kg / 12.0;
+        const double square = c[0] * c[0] + c[1] * c[1] + c[2] * c[2];
+        const double moved = (inertia->mass + 0.5 * trial->bench.arm_kg) / total;
+
+        /* Add a uniform rod from the joint's axis, at the frame's origin, to the center of mass */
+        for (int i = 0; i < 6; i++) {
+            inertia->I[i] +=
+                apart * ((row[i] == column[i] ? square : 0.0) - c[row[i]] * c[column[i]]);
+        }
+        for (int i = 0; i < 3; i++) {
+            inertia->com[i] *= moved;
+        }
+        inertia->mass = total;
     }
     trial->robot.body = trial->body;
     trial->robot.joint = &trial->joint;
@@ -74,29 +72,6 @@ static enum error_code make_plant(const struct rig *rig, const struct trial_robo
 /* Index in the plant's state, after the joint's angle and rate. */
 enum { STATE_MOTOR_SPEED = 2 + DRIVE_MOTOR_SPEED, STATE_CURRENT = 2 + DRIVE_CURRENT };
 
-/* Sets the command from a time on. row is the last row at that time; position has the recording's
- * zero. */
-static void set_command(const struct bench_law *law, const struct robot_sea *sea,
-                        const double *state, const struct recording *r, size_t row, double position,
-                        double supply, struct motor_command *command)
-{
-    double duty;
-
-    command->bridge_on = r->enabled[row];
-    if (law->duty_per_rad > 0.0) {
-        duty = law->duty_per_rad * r->gain * (r->goal[row] - position);
-        duty = fmax(-law->duty_max, fmin(law->duty_max, duty));
-        command->voltage_v = duty * supply;
-    } else {
-        command->voltage_v = r->voltage[r->voltage_before && row + 1 < r->count ? row + 1 : row];
-        if (r->is_torque) {
-            /* The voltage at which a current loop holds the current for this torque */
-            command->voltage_v =
-                sea->R * command->voltage_v / sea->Kt + sea->Kw * state[STATE_MOTOR_SPEED];
-        }
-    }
-}
-
 /* Returns the mean position at the start of a recording. */
 static double start_position(const struct recording *r)
 {
@@ -126,12 +101,28 @@ static void run_plant(const struct rig *rig, const struct trial_robot *trial,
     current[0] = current[1] = state[STATE_CURRENT];
     for (size_t k = 0; next < r->count; k++) {
         const double now = r->time[0] + (double)k * tick;
+        double duty;
 
         /* Interpolate the times up to the end of the tick between the two positions */
         while (row + 1 < r->count && r->time[row + 1] <= now - trial->bench.delay_s + 1e-9) {
             row++;
         }
-        set_command(law, sea, state, r, row, after, supply, command);
+        /* Set the command from a time on. row is the last row at that time; `after` has the
+         * recording's zero. */
+        command->bridge_on = r->enabled[row];
+        if (law->duty_per_rad > 0.0) {
+            duty = law->duty_per_rad * r->gain * (r->goal[row] - after);
+            duty = fmax(-law->duty_max, fmin(law->duty_max, duty));
+            command->voltage_v = duty * supply;
+        } else {
+            command->voltage_v =
+                r->voltage[r->voltage_before && row + 1 < r->count ? row + 1 : row];
+            if (r->is_torque) {
+                /* The voltage at which a current loop holds the current for this torque */
+                command->voltage_v =
+                    sea->R * command->voltage_v / sea->Kt + sea->Kw * state[STATE_MOTOR_SPEED];
+            }
+        }
         before = after;
         current[0] = current[1];
         if (!out->diverged && !plant_step(plant, rig->substeps) && isfinite(state[0])) {
