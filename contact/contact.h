@@ -261,6 +261,11 @@ struct contact_tangent {
     /* sum of the normal forces, N; 0 without bristles */
     double pressing;
     double friction_max; /* largest ratio of friction to pressing at the present velocity */
+    /* Share of friction that is at its limit, 0 to 1. It is proportional to the normal force, and
+     * constant along the sliding direction. slide_D would be its damping along that direction: it
+     * ends friction together with the velocity. It is no part of friction_D and D. */
+    double sliding;
+    double slide_D[CONTACT_TANGENT_SIZE];
 };
 
 /* Parts of the bristle state of a pair. The shear y_s (J^0.5) is in the world frame, for the

@@ -103,7 +103,8 @@ struct friction_bend {
     lanes square;    /* |g|^2 */
     lanes share;     /* alpha: the spring's share of the area */
     lanes limit;     /* l: Coulomb limit mu f_n/sqrt(s) */
-    lanes stiffness; /* friction force = -stiffness e */
+    lanes stiffness; /* the friction force is minus this times e */
+    lanes slide[3];  /* unit direction of e where the spring slides at its limit; else 0 */
 };
 
 /* Computes the bend and the stiffness of the bristles at the springs. The stiffness is alpha
@@ -114,7 +115,7 @@ LANES_INLINE void friction_find_bend(const struct friction_spring *s, const stru
     const double *n = patch->normal, *c = patch->center, *y = patch->bristle;
     const double twist = y[BRISTLE_TWIST] * patch->inverse_radius;
     const double retarded = patch->delay_s * patch->root;
-    lanes arm[3], g[3], size, speed, along, part;
+    lanes arm[3], g[3], size, speed, along, part, zero = {0};
 
     /* Bend g = y_s + y_n n x (p - c)/r: one rigid motion for all springs, minus its component along
      * the spring */
@@ -139,6 +140,10 @@ LANES_INLINE void friction_find_bend(const struct friction_spring *s, const stru
     size = lanes_root(out->e[0] * out->e[0] + out->e[1] * out->e[1] + out->e[2] * out->e[2]);
     part = out->limit / (size + DBL_MIN);
     out->stiffness = patch->root * lanes_pick(lanes_less(part, out->share), part, out->share);
+    for (int k = 0; k < 3; k++) {
+        out->slide[k] =
+            lanes_pick(lanes_less(part, out->share), out->e[k] / (size + DBL_MIN), zero);
+    }
 }
 
 #endif

@@ -354,8 +354,12 @@ static void patch_add_friction(const struct springs *s, const struct slide *slid
     if (patch->whole > 0) {
         power = patch_add_whole(patch, slide, e, patch->whole, sum);
     }
+    patch->sliding = 0;
     if (patch->whole < 1) {
         springs_hold(s, patch, &apart);
+        if (patch->held > 0) {
+            patch->sliding = (1 - patch->whole) * fmax(0, 1 - patch->open / patch->held);
+        }
         power += (1 - patch->whole) * patch->power;
         vec3_add_scaled(sum->force, 1 - patch->whole, apart.force, sum->force);
         vec3_add_scaled(sum->moment, 1 - patch->whole, apart.moment, sum->moment);

@@ -106,9 +106,9 @@ void friction_sums_gather(const struct native_batch *b, const struct native_law 
 
 /* ---- friction ---- */
 
-/* Computes the utilization of the springs' friction (held, most, open). keeps: also adds the
- * friction. keeps is a constant in each call, so that the compiler makes two loops. */
-LANES_INLINE void hold_springs(struct native_batch *b, const struct native_law *law,
+/* keeps: adds the friction of the springs. Otherwise computes only its utilization (held, most,
+ * open). keeps is a constant in each call, so that the compiler makes two loops. */
+LANES_INLINE void hold_springs(const struct native_batch *b, const struct native_law *law,
                                const struct native_relative *relative, const bool keeps,
                                struct native_sum *sum)
 {
@@ -128,7 +128,6 @@ LANES_INLINE void hold_springs(struct native_batch *b, const struct native_law *
 
         /* Adds the friction force opposite to the bend, its moment and its power */
         if (keeps) {
-            lanes_store(bend.stiffness, b->held + i);
             for (int k = 0; k < 3; k++) {
                 f[k] = bend.stiffness * bend.e[k];
                 force[k] -= f[k];
@@ -158,7 +157,7 @@ LANES_INLINE void hold_springs(struct native_batch *b, const struct native_law *
     patch->open += lanes_sum(open);
 }
 
-void friction_sums_hold(struct native_batch *b, const struct native_law *law,
+void friction_sums_hold(const struct native_batch *b, const struct native_law *law,
                         const struct native_relative *relative, struct native_sum *sum)
 {
     if (sum->sticking->keeps) {

@@ -47,8 +47,8 @@ struct sticking_patch {
     /* Computed with the force: power of friction (W) and, if whole < 1, sums over the springs of
      * min(alpha |g|, l)|g|, of l |g|, and of alpha |g|^2 where alpha |g| < l */
     double power, held, most, open;
-    /* keep the bristle stiffness in the batch, for tangents; otherwise compute only held, most and
-     * open */
+    double sliding; /* share of the friction that is at its limit */
+    /* add the friction to the sums; otherwise compute only held, most and open */
     bool keeps;
     struct moments stiffness, damping; /* moments from struct native_gather, if whole is 1 */
 };
@@ -63,10 +63,10 @@ void friction_sums_gather(const struct native_batch *batch, const struct native_
  * moments of their normal forces. */
 void native_gather_add(const struct moments *normal, const double d[3], struct native_sum *sum);
 
-/* Computes held, most and open of sum->sticking. If its member keeps is set, also adds the sticking
- * friction of the springs to force and moment, and its power to sum->sticking. Each spring has its
- * own Coulomb limit. */
-void friction_sums_hold(struct native_batch *batch, const struct native_law *law,
+/* keeps: adds the sticking friction of the springs, each up to its Coulomb limit, to force and
+ * moment, and power, held, most and open to sum->sticking. Otherwise computes only held, most and
+ * open. */
+void friction_sums_hold(const struct native_batch *batch, const struct native_law *law,
                         const struct native_relative *relative, struct native_sum *sum);
 
 #endif

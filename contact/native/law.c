@@ -122,12 +122,29 @@ struct resistance {
     _Alignas(64) double friction[RESISTANCE_MAX]; /* damping in all directions, N s/m */
     /* The normal n and its moment arm x n, for springs with individual directions */
     _Alignas(64) double along[CONTACT_AXES][RESISTANCE_MAX];
+    /* The direction in which the bristles of a spring slide, and its moment; 0 where they hold */
+    _Alignas(64) double slide[CONTACT_AXES][RESISTANCE_MAX];
 };
 
 /* Returns the product of one row of a rotation matrix and a vector. */
 LANES_INLINE lanes lanes_turn(const double row[3], const lanes v[3])
 {
     return row[0] * v[0] + row[1] * v[1] + row[2] * v[2];
+}
+
+/* Stores directions d in the world frame, and the moments of unit forces along them at arm. */
+LANES_INLINE void store_direction(const double turn[9], const lanes d[3], const lanes arm[3],
+                                  double out[CONTACT_AXES][RESISTANCE_MAX], size_t i)
+{
+    lanes along[3];
+
+    for (int k = 0; k < 3; k++) {
+        along[k] = lanes_turn(turn + 3 * k, d);
+        lanes_store(along[k], out[k] + i);
+    }
+    lanes_store(arm[1] * along[2] - arm[2] * along[1], out[CONTACT_TURN_X] + i);
+    lanes_store(arm[2] * along[0] - arm[0] * along[2], out[CONTACT_TURN_Y] + i);
+    lanes_store(arm[0] * along[1] - arm[1] * along[0], out[CONTACT_TURN_Z] + i);
 }
 
 /* Computes stiffness, damping and points of action of the springs from start on, as many as there
@@ -148,13 +165,12 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
     out->n = b->n - start < RESISTANCE_MAX ? b->n - start : RESISTANCE_MAX;
     for (size_t i = 0; i < out->n; i += LANES) {
         const size_t from = start + i;
-        lanes pushes, slope, friction = zero;
+        lanes pushes, slope, friction = zero, arm[3];
         struct friction_spring s;
-        struct friction_bend bend;
+        struct friction_bend bend = {.slide = {zero, zero, zero}};
 
-        /* Factor of the elastic force with dissipation (0 if the surfaces separate fast), and the
-         * damping of friction: none, sticking or regularized. The stiffness of bristles is in the
-         * batch; it is computed again if the batch had no room */
+        /* Factor of the elastic force with dissipation, 0 if the surfaces part fast; and the
+         * damping of no, sticking or regularized friction */
         friction_load_spring(b, from, law, relative, &s);
         pushes = 1 - law->dissipation * s.leaving;
         pushes = lanes_pick(lanes_less(zero, pushes), pushes, zero);
@@ -162,8 +178,6 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
             slope = friction_slope_bound(
                 lanes_root(s.u[0] * s.u[0] + s.u[1] * s.u[1] + s.u[2] * s.u[2]), law);
             friction = (slope * scale + law->uv) * (s.force * pushes);
-        } else if (apart > 0 && !b->full) {
-            friction = follow * lanes_load(b->held + from);
         } else if (apart > 0) {
             friction_find_bend(&s, law, sum->sticking, &bend);
             friction = follow * bend.stiffness;
@@ -182,7 +196,11 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
             s.p[k] -= center[k];
         }
         for (int k = 0; k < 3; k++) {
-            lanes_store(lanes_turn(sum->turn + 3 * k, s.p), out->arm[k] + i);
+            arm[k] = lanes_turn(sum->turn + 3 * k, s.p);
+            lanes_store(arm[k], out->arm[k] + i);
+        }
+        if (apart > 0) {
+            store_direction(sum->turn, bend.slide, arm, out->slide, i);
         }
     }
 }
@@ -195,19 +213,13 @@ static void law_find_directions(const struct native_batch *b, size_t start,
                                 const struct native_sum *sum, struct resistance *out)
 {
     for (size_t i = 0; i < out->n; i += LANES) {
-        lanes d[3], arm[3], along[3];
+        lanes d[3], arm[3];
 
         for (int k = 0; k < 3; k++) {
             d[k] = lanes_load(b->d[k] + start + i);
             arm[k] = lanes_load(out->arm[k] + i);
         }
-        for (int k = 0; k < 3; k++) {
-            along[k] = lanes_turn(sum->turn + 3 * k, d);
-            lanes_store(along[k], out->along[k] + i);
-        }
-        lanes_store(arm[1] * along[2] - arm[2] * along[1], out->along[CONTACT_TURN_X] + i);
-        lanes_store(arm[2] * along[0] - arm[0] * along[2], out->along[CONTACT_TURN_Y] + i);
-        lanes_store(arm[0] * along[1] - arm[1] * along[0], out->along[CONTACT_TURN_Z] + i);
+        store_direction(sum->turn, d, arm, out->along, i);
     }
 }
 
@@ -236,17 +248,19 @@ LANES_INLINE void tangent_add_row(const struct resistance *by, const int row,
     }
 }
 
-/* Subtracts from D, along each spring's own normal, the damping that friction adds in all
+/* Subtracts from D, along one direction per spring, the damping that friction adds in all
  * directions. */
-static void tangent_take_along(const struct resistance *by, double D[CONTACT_TANGENT_SIZE])
+static void tangent_take_along(const struct resistance *by,
+                               const double along[CONTACT_AXES][RESISTANCE_MAX],
+                               double D[CONTACT_TANGENT_SIZE])
 {
     for (int row = 0; row < CONTACT_AXES; row++) {
         for (int column = row; column < CONTACT_AXES; column++) {
             lanes sum = {0};
 
             for (size_t i = 0; i < by->n; i += LANES) {
-                sum += lanes_load(by->friction + i) * lanes_load(by->along[row] + i) *
-                       lanes_load(by->along[column] + i);
+                sum += lanes_load(by->friction + i) * lanes_load(along[row] + i) *
+                       lanes_load(along[column] + i);
             }
             D[CONTACT_TANGENT_AT(row, column)] -= lanes_sum(sum);
         }
@@ -278,9 +292,10 @@ static void tangent_add_one_way(const struct resistance *by, const double d[3],
     tangent_add_along(1, &damping, d, tangent->D);
 }
 
-/* Adds to friction_D the damping of sticking friction that the springs bear one by one: damping in
- * all directions, minus its part along the normals. direction: the common normal of springs that
- * push one way (world frame). */
+/* Adds the damping of sticking friction that each spring bears by itself to friction_D: in all
+ * directions, minus the part along the normals. Subtracts from slide_D the part along the sliding
+ * directions, along which friction at its limit does not change. direction: the common normal of
+ * springs that push one way (world frame). */
 static void tangent_add_bristles(const struct resistance *by, bool one_way,
                                  const double direction[3], struct contact_tangent *tangent)
 {
@@ -291,8 +306,9 @@ static void tangent_add_bristles(const struct resistance *by, bool one_way,
     if (one_way) {
         tangent_add_along(-1, &friction, direction, tangent->friction_D);
     } else {
-        tangent_take_along(by, tangent->friction_D);
+        tangent_take_along(by, by->along, tangent->friction_D);
     }
+    tangent_take_along(by, by->slide, tangent->slide_D);
 }
 
 /* Adds the springs of the current pair to the tangent, RESISTANCE_MAX at a time: normal stiffness

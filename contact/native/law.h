@@ -53,9 +53,6 @@ struct native_batch {
     _Alignas(64) double force[BATCH_MAX]; /* elastic, without dissipation, N */
     _Alignas(64) double depth[BATCH_MAX]; /* penetration, m */
     _Alignas(64) double rate[BATCH_MAX];  /* change of the force with the depth, N/m */
-    /* sticking friction only: the spring's last friction force over its bend (struct
-     * friction_bend) */
-    _Alignas(64) double held[BATCH_MAX];
 };
 
 /* Sums over the springs of a pair: the wrench on the first body about the origin of its surface's

@@ -404,7 +404,9 @@ static void tangent_set_bristles(const struct sticking_patch *sticking, const do
     double gain = sticking->root * sticking->bend_s, arm[3], about[3];
 
     for (int i = 0; i < CONTACT_TANGENT_SIZE; i++) {
+        tangent->friction_D[i] += tangent->slide_D[i];
         tangent->D[i] += tangent->friction_D[i];
+        tangent->slide_D[i] = -tangent->slide_D[i];
     }
 
     /* Friction wrench on b about the center, world frame */
@@ -484,6 +486,7 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
             tangent_set_bristles(sticking, center, a->R, pair->sign, &tangent[i]);
             tangent[i].pressing = sticking->root * sticking->reach;
             tangent[i].friction_max = patch_friction_max(e, pair, center);
+            tangent[i].sliding = sticking->sliding;
         }
     }
     return e->npatch;

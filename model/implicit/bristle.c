@@ -13,6 +13,7 @@
 #include "model/implicit/private.h"
 
 #include <math.h>
+#include <string.h>
 
 /* Returns twice the energy stored in bent bristles, J. */
 static double bent_square(const double y[BRISTLE_BENT])
@@ -25,6 +26,28 @@ static double bent_square(const double y[BRISTLE_BENT])
     return square;
 }
 
+void implicit_pair_velocity(const struct plant *plant, const struct active_pair *pair,
+                            struct spatial *velocity)
+{
+    memset(velocity, 0, sizeof *velocity);
+    for (int side = PAIR_A; side <= PAIR_B; side++) {
+        const double sign = side == PAIR_B ? 1.0 : -1.0;
+        const struct body_motion *motion;
+        double arm[3], turn[3];
+
+        if (pair->body[side] < 0) {
+            continue;
+        }
+        motion = implicit_motion(plant, pair->body[side]);
+        implicit_arm(plant, pair->body[side], pair->center, arm);
+        vec3_cross(motion->w, arm, turn);
+        for (int i = 0; i < 3; i++) {
+            velocity->a[i] += sign * motion->w[i];
+            velocity->l[i] += sign * (motion->v[i] + turn[i]);
+        }
+    }
+}
+
 /* Returns the power that a pair's friction takes from the motion at the stage, W. */
 static double friction_power(const struct plant *plant, const struct contact_tangent *tangent,
                              const struct active_pair *pair)
@@ -32,26 +55,11 @@ static double friction_power(const struct plant *plant, const struct contact_tan
     const double h = plant->implicit->stage_h;
     const double *force = tangent->friction + CONTACT_MOVE_X;
     const double *moment = tangent->friction + CONTACT_TURN_X;
-    struct spatial beyond = pair->beyond, velocity = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}}, decrease;
+    struct spatial beyond = pair->beyond, velocity, decrease;
     struct spatial_inertia D;
 
-    /* Compute the relative velocity at the point, then at the stage */
-    for (int side = PAIR_A; side <= PAIR_B; side++) {
-        if (pair->body[side] >= 0) {
-            /* Add the velocity at the pair's center of the body on this side; b counts positive, a
-             * negative */
-            const struct body_motion *motion = implicit_motion(plant, pair->body[side]);
-            const double sign = side == PAIR_B ? 1.0 : -1.0;
-            double arm[3], turn[3];
-
-            implicit_arm(plant, pair->body[side], pair->center, arm);
-            vec3_cross(motion->w, arm, turn);
-            for (int i = 0; i < 3; i++) {
-                velocity.a[i] += sign * motion->w[i];
-                velocity.l[i] += sign * (motion->v[i] + turn[i]);
-            }
-        }
-    }
+    /* The velocity at the point, and the difference of the stage's velocity */
+    implicit_pair_velocity(plant, pair, &velocity);
     for (int i = 0; i < 3; i++) {
         beyond.a[i] *= h;
         beyond.l[i] *= h;
@@ -62,6 +70,10 @@ static double friction_power(const struct plant *plant, const struct contact_tan
     /* The wrench on b decreases by D times the difference of both velocities */
     spatial_inertia_unpack(tangent->friction_D, &D);
     spatial_inertia_apply(&D, &beyond, &decrease);
+    for (int i = 0; i < 3; i++) {
+        decrease.l[i] -= pair->grown.l[i];
+        decrease.a[i] -= pair->grown.a[i];
+    }
     return vec3_dot(decrease.l, velocity.l) + vec3_dot(decrease.a, velocity.a) -
            vec3_dot(force, velocity.l) - vec3_dot(moment, velocity.a);
 }

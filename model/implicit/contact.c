@@ -8,6 +8,9 @@
 #include <math.h>
 #include <string.h>
 
+/* Change of friction over the normal force up to which a sliding pair is solved. */
+#define SETTLED 1e-9
+
 static const char too_many_pairs[] =
     "contact: more pairs are active than the implicit integrator takes";
 
@@ -36,14 +39,56 @@ static struct spatial relative_twist(const struct plant *plant, const struct act
     return x;
 }
 
-/* Adds the pair's matrix A to the inertias of both bodies. Adds A times the acceleration from base
- * to point to their loads, so that A has no effect at the point. */
+/* Adds a wrench on b at a pair's center to the loads of both bodies, if they move; a gets the
+ * opposite. */
+static void load_pair(struct plant *plant, const struct active_pair *pair,
+                      const struct spatial *wrench)
+{
+    for (int side = PAIR_A; side <= PAIR_B; side++) {
+        int contact = pair->body[side];
+
+        if (implicit_moves(plant, contact)) {
+            struct spatial f = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+            double arm[3];
+
+            implicit_arm(plant, contact, pair->center, arm);
+            spatial_add_wrench(side == PAIR_B ? 1.0 : -1.0, wrench, arm, &f);
+            add_contact_wrench(plant, contact, &f,
+                               &plant->ext[plant->config.contact_body[contact]]);
+        }
+    }
+}
+
+/* Adds a matrix of a pair to the inertias of both bodies, and to their loads the matrix times the
+ * acceleration that leads to the point, which cancels it there. */
+static void resist_pair(struct plant *plant, const struct active_pair *pair,
+                        const struct spatial_inertia *A)
+{
+    struct implicit *im = plant->implicit;
+    struct spatial back;
+
+    spatial_inertia_apply(A, &pair->point, &back);
+    load_pair(plant, pair, &back);
+    for (int side = PAIR_A; side <= PAIR_B; side++) {
+        int contact = pair->body[side];
+
+        if (implicit_moves(plant, contact)) {
+            struct spatial_inertia own = *A;
+            double arm[3];
+
+            implicit_arm(plant, contact, pair->center, arm);
+            spatial_inertia_shift(arm, &own);
+            spatial_inertia_add(&own, &im->contact_inertia[contact]);
+        }
+    }
+}
+
+/* Linearizes one pair at the point. */
 static void linearize_pair(struct plant *plant, const struct contact_tangent *tangent,
                            struct active_pair *pair)
 {
     struct implicit *im = plant->implicit;
     const double h = im->stage_h;
-    struct spatial back;
     double A[21];
 
     /* Store the pair's state at the point */
@@ -51,33 +96,17 @@ static void linearize_pair(struct plant *plant, const struct contact_tangent *ta
     pair->body[PAIR_A] = tangent->body_a;
     pair->body[PAIR_B] = tangent->body_b;
     memcpy(pair->center, tangent->center, sizeof pair->center);
+    pair->point = relative_twist(plant, pair, im->twist_point);
+    memset(&pair->released, 0, sizeof pair->released);
+    memset(&pair->grown, 0, sizeof pair->grown);
+    pair->settled = false;
 
     /* A = h (D + h K) */
     for (int i = 0; i < 21; i++) {
         A[i] = h * (tangent->D[i] + h * tangent->K[i]);
     }
     spatial_inertia_unpack(A, &pair->A);
-    pair->point = relative_twist(plant, pair, im->twist_point);
-    spatial_inertia_apply(&pair->A, &pair->point, &back);
-
-    /* Add both to the movable bodies, about their origins. The wrench on a is opposite to the
-     * wrench on b */
-    for (int side = PAIR_A; side <= PAIR_B; side++) {
-        int contact = pair->body[side];
-
-        if (implicit_moves(plant, contact)) {
-            struct spatial f = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-            struct spatial_inertia own = pair->A;
-            double arm[3];
-
-            implicit_arm(plant, contact, pair->center, arm);
-            spatial_add_wrench(side == PAIR_B ? 1.0 : -1.0, &back, arm, &f);
-            add_contact_wrench(plant, contact, &f,
-                               &plant->ext[plant->config.contact_body[contact]]);
-            spatial_inertia_shift(arm, &own);
-            spatial_inertia_add(&own, &im->contact_inertia[contact]);
-        }
-    }
+    resist_pair(plant, pair, &pair->A);
     im->coupled |=
         implicit_moves(plant, pair->body[PAIR_A]) && implicit_moves(plant, pair->body[PAIR_B]);
 }
@@ -126,6 +155,201 @@ enum error_code implicit_linearize_contact(struct plant *plant)
     return ERROR_NONE;
 }
 
+void implicit_add_contact_inertia(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+
+    memset(im->added, 0, im->nobserved * sizeof *im->added);
+    for (size_t t = 0; t < im->ntouched; t++) {
+        int c = im->touched[t];
+
+        if (!implicit_is_free(plant, c)) {
+            struct spatial_inertia own = im->contact_inertia[c];
+            double back[9], S[21];
+
+            mat3_transpose(implicit_motion(plant, c)->R, back);
+            spatial_inertia_rotate(back, &own);
+            spatial_inertia_pack(&own, S);
+            add_scaled(1.0, S, im->added[im->number[c]].A, 21);
+        }
+    }
+}
+
+/* Computes beyond and decrease of a pair from the accelerations of the contact bodies. */
+static void find_decrease(const struct plant *plant, struct active_pair *pair)
+{
+    struct spatial *beyond = &pair->beyond;
+
+    /* The wrench decreases by A times the relative acceleration in excess of the point's */
+    *beyond = relative_twist(plant, pair, plant->implicit->twist_z);
+    for (int i = 0; i < 3; i++) {
+        beyond->l[i] -= pair->point.l[i];
+        beyond->a[i] -= pair->point.a[i];
+    }
+    spatial_inertia_apply(&pair->A, beyond, &pair->decrease);
+}
+
+/* Computes the wrench of a pair's friction on b at its center, at the stage. */
+static void find_friction_wrench(const struct plant *plant, const struct contact_tangent *tangent,
+                                 const struct active_pair *pair, struct spatial *wrench)
+{
+    const double h = plant->implicit->stage_h;
+    struct spatial_inertia D;
+    struct spatial decrease;
+
+    spatial_inertia_unpack(tangent->friction_D, &D);
+    spatial_inertia_apply(&D, &pair->beyond, &decrease);
+    for (int i = 0; i < 3; i++) {
+        wrench->l[i] = tangent->friction[CONTACT_MOVE_X + i] - h * decrease.l[i] + pair->grown.l[i];
+        wrench->a[i] = tangent->friction[CONTACT_TURN_X + i] - h * decrease.a[i] + pair->grown.a[i];
+    }
+}
+
+/* Returns whether the friction of a sliding pair would drive it at the solved stage: its velocity
+ * along the friction has reversed. */
+static bool pair_reverses(const struct plant *plant, const struct contact_tangent *tangent,
+                          const struct active_pair *pair)
+{
+    const double h = plant->implicit->stage_h;
+    struct spatial velocity;
+
+    implicit_pair_velocity(plant, pair, &velocity);
+    vec3_add_scaled(velocity.l, h, pair->beyond.l, velocity.l);
+    vec3_add_scaled(velocity.a, h, pair->beyond.a, velocity.a);
+    return vec3_dot(tangent->friction + CONTACT_MOVE_X, velocity.l) +
+               vec3_dot(tangent->friction + CONTACT_TURN_X, velocity.a) >=
+           0.0;
+}
+
+/* Adds a part of D, scaled, to the damping of a pair's friction, to A and to both bodies. */
+static void add_friction_damping(struct plant *plant, struct contact_tangent *tangent,
+                                 struct active_pair *pair, double scale, const double D[21])
+{
+    struct spatial_inertia S;
+    double A[21];
+
+    for (int i = 0; i < 21; i++) {
+        A[i] = scale * plant->implicit->stage_h * D[i];
+    }
+    spatial_inertia_unpack(A, &S);
+    spatial_inertia_add(&S, &pair->A);
+    resist_pair(plant, pair, &S);
+    add_scaled(scale, D, tangent->friction_D, 21);
+    implicit_add_contact_inertia(plant);
+    pair->settled = true;
+}
+
+/* Lets a pair whose friction would exceed its limit slide: friction becomes constant along the
+ * motion from the point to the stage, at its limit in the direction that it has at the stage.
+ * friction: at the stage. */
+static void release_pair(struct plant *plant, struct contact_tangent *tangent,
+                         struct active_pair *pair, const struct spatial *friction)
+{
+    const double part = tangent->friction_max * tangent->pressing / vec3_norm(friction->l);
+    struct spatial_inertia D;
+    struct spatial resisted;
+    double row[6], removed[21], power;
+    int at = 0;
+
+    /* D - D u (D u)'/(u' D u), with u the motion */
+    spatial_inertia_unpack(tangent->friction_D, &D);
+    spatial_inertia_apply(&D, &pair->beyond, &resisted);
+    power = vec3_dot(resisted.l, pair->beyond.l) + vec3_dot(resisted.a, pair->beyond.a);
+    if (!(power > 0.0)) {
+        return;
+    }
+    memcpy(row + CONTACT_MOVE_X, resisted.l, sizeof resisted.l);
+    memcpy(row + CONTACT_TURN_X, resisted.a, sizeof resisted.a);
+    for (int i = 0; i < 6; i++) {
+        for (int k = i; k < 6; k++, at++) {
+            removed[at] = row[i] * row[k] / power;
+        }
+    }
+    add_friction_damping(plant, tangent, pair, -1.0, removed);
+    for (int i = 0; i < 3; i++) {
+        pair->released.l[i] = part * friction->l[i] - tangent->friction[CONTACT_MOVE_X + i];
+        pair->released.a[i] = part * friction->a[i] - tangent->friction[CONTACT_TURN_X + i];
+        tangent->friction[CONTACT_MOVE_X + i] = part * friction->l[i];
+        tangent->friction[CONTACT_TURN_X + i] = part * friction->a[i];
+    }
+    load_pair(plant, pair, &pair->released);
+    tangent->sliding = 1.0;
+}
+
+/* Revises the friction of one pair; returns whether its load or its inertia has changed. */
+static bool revise_pair(struct plant *plant, struct contact_tangent *tangent,
+                        struct active_pair *pair)
+{
+    const double normal =
+        fmax(0.0, tangent->pressing - vec3_dot(tangent->normal, pair->decrease.l));
+    const double limit = tangent->friction_max * normal;
+    struct spatial friction;
+    double growth, changed = 0.0;
+    bool again = false;
+
+    find_friction_wrench(plant, tangent, pair, &friction);
+    if (!pair->settled && tangent->sliding > 0.0 && pair_reverses(plant, tangent, pair)) {
+        add_friction_damping(plant, tangent, pair, 1.0, tangent->slide_D);
+        again = true;
+    } else if (!pair->settled && tangent->sliding < 1.0 &&
+               vec3_norm(friction.l) > limit + SETTLED * tangent->pressing) {
+        release_pair(plant, tangent, pair, &friction);
+        again = pair->settled;
+    }
+    if (!(tangent->sliding > 0.0)) {
+        return again;
+    }
+
+    /* Friction at its limit is proportional to the normal force. The change since the last pass
+     * goes to the loads */
+    growth = tangent->sliding * (normal / tangent->pressing - 1.0);
+    if (again) {
+        find_friction_wrench(plant, tangent, pair, &friction);
+    }
+    for (int i = 0; i < 3; i++) {
+        const double *limited = tangent->friction;
+        const double l =
+            growth * limited[CONTACT_MOVE_X + i] +
+            fmin(growth, 1.0) * (friction.l[i] - pair->grown.l[i] - limited[CONTACT_MOVE_X + i]);
+        const double a =
+            growth * limited[CONTACT_TURN_X + i] +
+            fmin(growth, 1.0) * (friction.a[i] - pair->grown.a[i] - limited[CONTACT_TURN_X + i]);
+
+        friction.l[i] = l - pair->grown.l[i];
+        friction.a[i] = a - pair->grown.a[i];
+        changed += fabs(friction.l[i]);
+        pair->grown.l[i] = l;
+        pair->grown.a[i] = a;
+    }
+    load_pair(plant, pair, &friction);
+    return again || changed > SETTLED * tangent->pressing;
+}
+
+bool implicit_revise_friction(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    bool again = false;
+
+    for (size_t t = 0; t < im->nactive; t++) {
+        if (im->tangent[t].pressing > 0.0) {
+            again |= revise_pair(plant, &im->tangent[t], &im->active[t]);
+        }
+    }
+    return again;
+}
+
+void implicit_find_contact(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+
+    if (im->nactive > 0) {
+        implicit_contact_accelerations(plant, im->a, im->twist_z);
+    }
+    for (size_t t = 0; t < im->nactive; t++) {
+        find_decrease(plant, &im->active[t]);
+    }
+}
+
 void implicit_end_contact(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -135,20 +359,15 @@ void implicit_end_contact(struct plant *plant)
     if (im->nactive == 0) {
         return;
     }
-    implicit_contact_accelerations(plant, im->a, im->twist_z);
     for (size_t t = 0; t < im->nactive; t++) {
         /* Compute the wrench of the pair at the stage on both bodies */
         struct active_pair *pair = &im->active[t];
-        struct spatial *beyond = &pair->beyond;
+        const struct spatial *beyond = &pair->beyond;
 
-        /* The wrench on b decreases by A times the relative acceleration of the stage minus the
-         * point's */
-        *beyond = relative_twist(plant, pair, im->twist_z);
         for (int i = 0; i < 3; i++) {
-            beyond->l[i] -= pair->point.l[i];
-            beyond->a[i] -= pair->point.a[i];
+            pair->decrease.l[i] -= pair->released.l[i] + pair->grown.l[i];
+            pair->decrease.a[i] -= pair->released.a[i] + pair->grown.a[i];
         }
-        spatial_inertia_apply(&pair->A, beyond, &pair->decrease);
         im->jump = fmax(im->jump, im->stage_h * sqrt(vec3_dot(beyond->l, beyond->l)));
         for (int side = PAIR_A; side <= PAIR_B; side++) {
             if (pair->body[side] >= 0) {
@@ -256,17 +475,7 @@ void implicit_clamp_friction(struct plant *plant)
             continue;
         }
 
-        /* Compute the wrench of the pair's friction on b at the pair's center, at the stage */
-        const double h = plant->implicit->stage_h;
-        struct spatial_inertia D;
-        struct spatial decrease;
-
-        spatial_inertia_unpack(tangent->friction_D, &D);
-        spatial_inertia_apply(&D, &pair->beyond, &decrease);
-        for (int i = 0; i < 3; i++) {
-            wrench.l[i] = tangent->friction[CONTACT_MOVE_X + i] - h * decrease.l[i];
-            wrench.a[i] = tangent->friction[CONTACT_TURN_X + i] - h * decrease.a[i];
-        }
+        find_friction_wrench(plant, tangent, pair, &wrench);
         friction = vec3_norm(wrench.l);
         most = tangent->friction_max * normal;
         if (friction > most) {

@@ -40,7 +40,11 @@ struct active_pair {
     struct spatial beyond;    /* relative acceleration of the stage, minus `point` */
     /* wrench on b at the point minus wrench on b at the stage: A times beyond */
     struct spatial decrease;
-    double bent; /* twice the energy of the pair's bristles at the base, J */
+    /* Changes of friction from its linearization, on b at center: of a pair that begins to slide
+     * in the stage, and with the normal force */
+    struct spatial released, grown;
+    bool settled; /* its sliding direction has been damped, or it has begun to slide */
+    double bent;  /* twice the energy of its bristles at the stage's base, J */
 };
 
 /* Parts of a free body's accelerations, in its frame. */
@@ -299,8 +303,25 @@ void implicit_advance_hydraulics(struct plant *plant, double t, const double *ra
  * IMPLICIT_TANGENTS pairs. */
 enum error_code implicit_linearize_contact(struct plant *plant);
 
-/* Computes the wrenches at the stage and their power from the wrenches at the point and the
- * accelerations a. Updates jump, the largest velocity jump. */
+/* Passes contact_inertia to the dynamics: fills added. */
+void implicit_add_contact_inertia(struct plant *plant);
+
+/* Computes the relative accelerations of the active pairs, and the decrease of their wrenches, from
+ * the accelerations a. */
+void implicit_find_contact(struct plant *plant);
+
+/* Keeps friction within its limit at the solved stage: sliding friction follows the normal force;
+ * pairs beyond the limit begin to slide; pairs that would reverse are damped. Changes loads and
+ * inertias of their bodies. Returns whether there are such pairs; the stage must then be solved
+ * again. */
+bool implicit_revise_friction(struct plant *plant);
+
+/* Computes the velocity of b against a at a pair's center, at the point. */
+void implicit_pair_velocity(const struct plant *plant, const struct active_pair *pair,
+                            struct spatial *velocity);
+
+/* Computes the wrenches at the stage and their power, from the wrenches at the point and
+ * implicit_find_contact; raises jump. */
 void implicit_end_contact(struct plant *plant);
 
 /* Adds the mean wrenches of the solved part of a step to the plant's peaks and impulses, and their

@@ -10,6 +10,9 @@
 #include <math.h>
 #include <string.h>
 
+/* Largest number of passes that let sliding friction follow the normal force of the stage. */
+enum { FRICTION_PASSES = 8 };
+
 /* ---- rates ---- */
 
 /* Returns the index of a free body's rates among all rates. */
@@ -211,27 +214,17 @@ enum error_code implicit_solve_stage(struct plant *plant)
         return code;
     }
     implicit_linearize_actuators(plant);
-
-    /* Fill added from contact_inertia, for the dynamics */
-    memset(im->added, 0, im->nobserved * sizeof *im->added);
-    for (size_t t = 0; t < im->ntouched; t++) {
-        int c = im->touched[t];
-
-        if (!implicit_is_free(plant, c)) {
-            struct spatial_inertia own = im->contact_inertia[c];
-            double back[9], S[21];
-
-            mat3_transpose(implicit_motion(plant, c)->R, back);
-            spatial_inertia_rotate(back, &own);
-            spatial_inertia_pack(&own, S);
-            add_scaled(1.0, S, im->added[im->number[c]].A, 21);
-        }
-    }
+    implicit_add_contact_inertia(plant);
 
     /* Solve for the accelerations, then compute contact and rates at the stage */
     implicit_solve(plant);
     while (!plant->clamped && implicit_revise_stops(plant)) {
         implicit_solve(plant); /* terminates: each joint's stop changes at most twice */
+    }
+    implicit_find_contact(plant);
+    for (int i = 0; i < FRICTION_PASSES && implicit_revise_friction(plant); i++) {
+        implicit_solve(plant);
+        implicit_find_contact(plant);
     }
     implicit_end_contact(plant);
     raise_jump_at_joints(plant);

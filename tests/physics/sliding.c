@@ -1,0 +1,212 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Bodies that slide on the native contact engine by the implicit integrator at its default step:
+ * Coulomb's law holds for the impulses of every tick, and the way is the closed form's.
+ */
+#include "base/array.h"
+#include "model/plant.h"
+
+#include <math.h>
+
+#include "tests/physics/contact_scene.h"
+#include "tests/physics/free_rig.h"
+#include "tests/physics/near.h"
+#include "tests/test.h"
+
+enum { SECOND = 1000, STARTS = 500, START = 50 };
+
+static const double pi = 3.14159265358979323846, gravity = 9.81;
+
+/* A body of 3 kg on a slope, 0.2 m wide; the height of a sphere or capsule is its diameter. */
+struct slide {
+    enum contact_shape shape;
+    double height;
+    double stiffness, dissipation, mu; /* of the layers in series, Pa/m; s/m */
+    double slope, speed;               /* rad; m/s down the slope */
+};
+
+/* What the ground does to it in a run. */
+struct slid {
+    double way;     /* m */
+    double excess;  /* largest mean T/(mu N) - 1 in a tick after START */
+    double chatter; /* largest change of the mean N between ticks in the last second, N */
+};
+
+static double gyration2(const struct slide *s)
+{
+    return (0.04 + s->height * s->height) / 12;
+}
+
+static double depth_at_rest(const struct slide *s)
+{
+    const double push = 3 * gravity * cos(s->slope);
+
+    const double k = s->stiffness, R = s->height / 2;
+
+    switch (s->shape) {
+    case CONTACT_SPHERE: /* Hertz, two materials of 2e-3 k */
+        return pow(0.75 * push / (2e-3 * k / pow(2, 1.5) * sqrt(R)), 2.0 / 3);
+    case CONTACT_CAPSULE: /* the segment of a disc below the plane, for small depths */
+        return pow(0.75 * push / (k * 0.2 * sqrt(2 * R)), 2.0 / 3);
+    default:
+        return push / (k * 0.04);
+    }
+}
+
+static void start(const struct slide *s, int64_t substep_ns, struct free_rig *rig)
+{
+    const struct contact_material material = {
+        2e-3 * s->stiffness, 1e-3, s->dissipation, s->mu, s->mu, 0, 0};
+    const double I = 3 * gyration2(s);
+    const double along_x[9] = {0, 0, 1, 0, 1, 0, -1, 0, 0};
+    struct contact_surface *surface;
+    struct contact_world *world;
+    struct plant_free_body *body;
+    struct error error;
+    struct scene scene;
+
+    free_rig_post(rig, 1, substep_ns);
+    body = &rig->body[0];
+    body->inertia = (struct robot_inertia){.mass = 3, .I = {I, 0, 0, I, 0, 3 * 0.08 / 12}};
+    body->position[2] = s->height / 2 - depth_at_rest(s);
+    body->v[0] = s->speed;
+    rig->toy.robot.gravity[0] = gravity * sin(s->slope);
+    rig->toy.robot.gravity[1] = 0;
+    rig->toy.robot.gravity[2] = -gravity * cos(s->slope);
+    scene_init(&scene, 1);
+    scene_add(&scene, -1, CONTACT_HALF_SPACE, &material);
+    if (s->shape == CONTACT_BOX) {
+        surface = scene_add_box(&scene, 0, 0.1, 0.1, s->height / 2, 7, &material);
+    } else {
+        surface = scene_add(&scene, 0, s->shape, &material);
+        surface->radius_m = s->height / 2;
+        surface->length_m = s->shape == CONTACT_CAPSULE ? 0.2 : 0;
+        memcpy(surface->rotation, along_x, sizeof along_x);
+    }
+    scene_add_pair(&scene, 0, 1);
+    scene.config.friction = CONTACT_FRICTION_STICKING;
+    assert_no_error(contact_native_create(&scene.config, &rig->arena, &world, &error), error.text);
+    rig->contact_body[0] = (int)rig->toy.robot.nbody;
+    rig->config.contact = world;
+    rig->config.ncontact = 1;
+    rig->config.integrator = PLANT_IMPLICIT;
+    free_rig_start(rig);
+}
+
+static struct slid run(const struct slide *s, int64_t substep_ns, int ticks)
+{
+    struct slid slid = {.excess = -1};
+    struct free_rig rig;
+    double from, last = 0;
+
+    start(s, substep_ns, &rig);
+    from = rig.free[0];
+    for (int t = 0; t < ticks; t++) {
+        double f[3];
+
+        assert_no_error(plant_step(rig.plant, (size_t)(1000000 / substep_ns)),
+                        plant_failure(rig.plant));
+        assert_ok(plant_sample(rig.plant));
+        plant_contact_mean(rig.plant, 0, f);
+        if (t > START && f[2] > 0.3) {
+            slid.excess = fmax(slid.excess, hypot(f[0], f[1]) / (s->mu * f[2]) - 1);
+        }
+        if (t >= ticks - SECOND) {
+            slid.chatter = fmax(slid.chatter, fabs(f[2] - last));
+        }
+        last = f[2];
+    }
+    slid.way = rig.free[0] - from;
+    free_rig_fini(&rig);
+    return slid;
+}
+
+/* Way of a body that slides for two seconds, m. */
+static double coulomb_way(const struct slide *s)
+{
+    return 2 * s->speed + 2 * gravity * (sin(s->slope) - s->mu * cos(s->slope));
+}
+
+/* From rest: at low speed, where a block crept, and with a high friction coefficient, where it
+ * rocks on an edge. The closed form has no bristles, which bend first. */
+TEST(a_block_slides_as_with_a_tenth_of_the_step)
+{
+    const struct slide row[] = {
+        {CONTACT_BOX, 0.1, 5e7, 1, 0.4, 22.5 * pi / 180, 0},
+        {CONTACT_BOX, 0.1, 5e7, 0.1, 0.4, 22.5 * pi / 180, 0},
+        {CONTACT_BOX, 0.1, 8.3e7, 0.3, 0.4, 24 * pi / 180, 0},
+        {CONTACT_BOX, 0.1, 5e7, 10, 0.8, 40 * pi / 180, 0},
+        {CONTACT_BOX, 0.3, 5e7, 1, 0.4, 22.5 * pi / 180, 0},
+        {CONTACT_BOX, 0.02, 1e6, 1, 0.1, 7 * pi / 180, 0},
+    };
+
+    for (size_t i = 0; i < ARRAY_COUNT(row); i++) {
+        const struct slid slid = run(&row[i], 1000000, 2 * SECOND);
+        const struct slid fine = run(&row[i], 100000, 2 * SECOND);
+
+        print_message("# way %.4f m, in steps of 0.1 ms %.4f m, closed form %.4f m; T over mu N by "
+                      "%.1e; N changes by %.2f N, in steps of 0.1 ms by %.2f N\n",
+                      slid.way, fine.way, coulomb_way(&row[i]), slid.excess, slid.chatter,
+                      fine.chatter);
+        assert_near(slid.way, fine.way, 0.01 * fine.way);
+        assert_true(slid.excess < 1e-6);
+        assert_true(slid.chatter < fine.chatter + 0.3);
+    }
+}
+
+TEST(a_block_that_brakes_stops_and_stays)
+{
+    const double stiffness[] = {1e6, 5e7, 1e9};
+
+    for (int i = 0; i < 3; i++) {
+        const struct slide s = {CONTACT_BOX, 0.1, stiffness[i], 0.3, 0.4, 0.08, 0.5};
+        const double braking = gravity * (0.4 * cos(0.08) - sin(0.08));
+        const struct slid slid = run(&s, 1000000, 2 * SECOND);
+
+        assert_near(slid.way, 0.125 / braking, 0.01 * slid.way + 1e-4);
+        assert_true(slid.excess < 1e-6);
+        assert_true(slid.chatter < 0.01 * 3 * gravity);
+    }
+}
+
+/* Returns a number between two others, evenly on a logarithmic scale. */
+static double draw_between(uint64_t *seed, double low, double high)
+{
+    return low * pow(high / low, 0.5 + 0.5 * random_number(seed));
+}
+
+/* Bodies that slide on: boxes of three heights, spheres and capsules, from rest and at speed. The
+ * way is the closed form's to 1 % and what the bristles give while they first bend: the speed
+ * mu g/w, w^2 = s/m. */
+TEST(random_slides_obey_coulomb_in_every_tick)
+{
+    const double height[] = {0.04, 0.1, 0.2};
+    uint64_t seed = 49;
+    double excess = -1, off = 0;
+
+    for (int i = 0; i < STARTS; i++) {
+        struct slide s = {.shape = i % 5 == 3   ? CONTACT_SPHERE
+                                   : i % 5 == 4 ? CONTACT_CAPSULE
+                                                : CONTACT_BOX,
+                          .height = height[i % 3],
+                          .stiffness = draw_between(&seed, 1e6, 1e10),
+                          .dissipation = draw_between(&seed, 0.05, 30),
+                          .slope = draw_between(&seed, 5, 45) * pi / 180,
+                          .speed = i % 2 ? draw_between(&seed, 0.1, 1) : 0};
+        struct slid slid;
+
+        s.mu = draw_between(&seed, 0.05, 0.9 * tan(s.slope));
+        slid = run(&s, 1000000, SECOND / 2);
+        excess = fmax(excess, slid.excess);
+        if (s.shape == CONTACT_BOX) {
+            const double way =
+                0.5 * s.speed + gravity * (sin(s.slope) - s.mu * cos(s.slope)) * 0.125;
+            const double bent = s.mu * gravity * sqrt(3 / (5 * s.stiffness * 0.04));
+
+            off = fmax(off, (fabs(slid.way - way) - 2 * bent) / way);
+        }
+    }
+    print_message("# T over mu N by %.1e at most; way off by %.2f %%\n", excess, 100 * off);
+    assert_true(excess < 1e-4);
+    assert_true(off < 0.01);
+}
