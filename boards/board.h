@@ -83,6 +83,12 @@ struct board_switches {
     double index_rad;
 };
 
+/* The time from the end of a command on the bus to the start of a board's answer: delay_ns, plus a
+ * random part that is uniform from 0 to spread_ns. The answers of a board stay in order. */
+struct board_reply_time {
+    int64_t delay_ns, spread_ns;
+};
+
 /* One axis of a motor board. */
 struct board_axis_config {
     /* index in the plant's arrays; -1 = spare axis. On compact, cia402 and described boards, the
@@ -142,6 +148,8 @@ struct board_config {
     /* boot_ns: time from power-up to the start of the application, at the start of a run and after
      * a restart; 0 = none. restart_ns: minimum duration of a restart */
     int64_t boot_ns, restart_ns;
+    /* time of the board's answers; a negative member = that of the protocol */
+    struct board_reply_time reply;
     /* sends telemetry without a host's command: STRAIN calibrated frames, inertial acceleration,
      * rate and quaternion, icub motors with the policy 0x7f, compact telemetry */
     bool transmit_at_start;
@@ -242,22 +250,31 @@ enum error_code boards_create(const struct boards_config *config, struct arena *
  * a board, from the last samples. It leaves all other commands unchanged. The caller also calls
  * boards_sample once before the first tick, with the plant's initial state.
  *
- * boards_transmit writes at most max frames and returns their number: replies in the order of the
- * requests, then periodic frames by board address. If max is below boards_transmit_max, replies
- * wait and periodic frames may be lost. The node of a frame is the index of its board among the
- * boards of the bus, in the order of the configuration. Each board is a CAN node.
+ * boards_transmit writes at most max frames and returns their number: replies that are due, in the
+ * order of their times and requests, then periodic frames by board address. If max is below
+ * boards_transmit_max, replies wait and periodic frames may be lost. The node of a frame is the
+ * index of its board among the boards of the bus, in the order of the configuration. Each board is
+ * a CAN node.
  *
- * boards_answer writes only the waiting replies. In real time, call it between ticks, after
- * boards_receive.
+ * boards_transmit consists of boards_answer, which writes replies that are due by due_ns, and
+ * boards_transmit_periodic. On a wire in virtual time, and between two ticks of real time, call
+ * boards_answer when boards_next_answer says so: it returns the time of the next reply of a bus,
+ * INT64_MAX = none. boards_receive_early is boards_receive for a frame that came at arrival_ns, up
+ * to now_ns: replies count their delay from there.
  */
 void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
                     const struct bus_frame *frame);
+void boards_receive_early(struct boards *boards, int64_t now_ns, int64_t arrival_ns, size_t bus,
+                          const struct bus_frame *frame);
 void boards_control(struct boards *boards, int64_t now_ns, struct plant_command *command);
 void boards_sample(struct boards *boards, int64_t now_ns, const struct plant_sensors *sensors);
 size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus, struct bus_frame *frames,
                        size_t max);
-size_t boards_answer(struct boards *boards, int64_t now_ns, size_t bus, struct bus_frame *frames,
-                     size_t max);
+size_t boards_answer(struct boards *boards, int64_t now_ns, int64_t due_ns, size_t bus,
+                     struct bus_frame *frames, size_t max);
+size_t boards_transmit_periodic(struct boards *boards, int64_t now_ns, size_t bus,
+                                struct bus_frame *frames, size_t max);
+int64_t boards_next_answer(const struct boards *boards, size_t bus);
 
 /* Sets the state of a board's CAN controller, if the wire simulates controllers. board: index in
  * the configuration. iCub boards report this state in STATUS. RT-safe; call it once a tick before

@@ -11,6 +11,7 @@
 #define BOARDS_BOARD_PRIVATE_H
 
 #include "base/array.h"
+#include "base/random.h"
 #include "base/ring.h"
 #include "boards/axis.h"
 #include "boards/board.h"
@@ -89,6 +90,7 @@ struct board_bus_ops {
 
 struct queued_reply {
     struct board *board;
+    int64_t due_ns;
     bool lost; /* the board has lost power, and with it the answer */
     uint8_t flags, len;
     uint32_t id;
@@ -103,7 +105,8 @@ struct board_bus {
     struct boards_bus_config config;
     struct board *by_address[BOARD_ADDRESSES];
     uint16_t nodes;               /* number of boards; each board is a CAN node */
-    struct queued_reply *replies; /* circular queue */
+    struct queued_reply *replies; /* circular queue, by due_ns */
+    struct board_reply_time reply;
     size_t capacity, head, waiting;
     size_t transmit_max;
     size_t can_errors; /* number of boards with CAN errors */
@@ -129,8 +132,10 @@ struct board {
     int64_t application_ns; /* time at which the board leaves the bootloader */
     /* time of the last frame for this board; -1 = none yet */
     int64_t heard_ns;
-    unsigned replies; /* number of waiting answers of this board */
-    uint64_t lost;    /* frames that the board could not send */
+    unsigned replies;            /* number of waiting answers of this board */
+    int64_t reply_ns;            /* due time of its last answer to a command */
+    struct random_stream random; /* random part of its reply time */
+    uint64_t lost;               /* frames that the board could not send */
     /* a loss is not yet reported: in STATUS; as an OVERFLOW event */
     bool lost_in_status, lost_in_overflow;
     struct board_faults *faults; /* NULL = no faults for this board (board_faults.c) */
@@ -153,8 +158,12 @@ struct boards {
      * is the time for the boards' timers. In boards_control they differ, because the boards compute
      * their state at the end of the tick. */
     int64_t event_ns, now_ns;
+    /* the time of answers to the frame that is being received, and the frame's arrival; NULL: no
+     * frame, so that a message is due at once */
+    const struct board_reply_time *reply;
+    int64_t arrival_ns;
     double supply_v, oil_pa; /* supply voltage and pressure of the last sample; finite, 0 or more */
-    uint64_t settings_changes;
+    uint64_t settings_changes, seed;
     size_t nbus, nboard;
     struct board_bus **bus;
     struct board **board;

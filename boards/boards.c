@@ -386,6 +386,7 @@ static bool boards_make_board(struct boards *boards, size_t index,
     if (!board->config.name) {
         return false;
     }
+    board->random = random_named(boards->seed, board->config.name);
 
     /* Put the board on its bus, and reserve room for its frames of a tick */
     board->axes = board->ops->axis_size ? bus->config.protocol->axes_max : 0;
@@ -447,6 +448,7 @@ static bool boards_make(struct boards *boards, const struct boards_config *confi
     boards->restarted = config->restarted;
     boards->context = config->context;
     boards->nboard = config->nboard;
+    boards->seed = config->faults ? faults_seed(config->faults) : 0;
     boards->board = arena_alloc(arena, config->nboard + 1, sizeof(struct board *));
     if (!slots || !boards->board || !boards_make_buses(boards, config, arena)) {
         return false;
@@ -570,11 +572,39 @@ void board_queue(struct board *board, uint32_t id, uint8_t len, const uint8_t *d
     board_queue_as(board, id, bus_flags(board->bus), len, data);
 }
 
+/* Returns an entry of the queue of a bus; 0 = the next one. */
+static struct queued_reply *bus_reply_at(const struct board_bus *bus, size_t index)
+{
+    return &bus->replies[(bus->head + index) % bus->capacity];
+}
+
+/* Returns when a message of a board is due: at once, or after the reply time of a command. */
+static int64_t board_find_due(struct board *board)
+{
+    const struct boards *boards = board->boards;
+    struct board_reply_time time = board->config.reply;
+    int64_t due_ns;
+
+    if (!boards->reply) {
+        return boards->now_ns;
+    }
+    time.delay_ns = time.delay_ns < 0 ? boards->reply->delay_ns : time.delay_ns;
+    time.spread_ns = time.spread_ns < 0 ? boards->reply->spread_ns : time.spread_ns;
+    due_ns = boards->arrival_ns + time.delay_ns;
+    if (time.spread_ns > 0) {
+        due_ns += (int64_t)(random_uniform(&board->random) * (double)time.spread_ns);
+    }
+    board->reply_ns = due_ns > board->reply_ns ? due_ns : board->reply_ns;
+    return board->reply_ns;
+}
+
 void board_queue_as(struct board *board, uint32_t id, uint8_t flags, uint8_t len,
                     const uint8_t *data)
 {
     struct board_bus *bus = board->bus;
-    struct queued_reply *reply = &bus->replies[(bus->head + bus->waiting) % bus->capacity];
+    struct queued_reply *reply;
+    int64_t due_ns;
+    size_t at;
 
     if (board->config.external) {
         return; /* the real board answers */
@@ -583,9 +613,17 @@ void board_queue_as(struct board *board, uint32_t id, uint8_t flags, uint8_t len
         board_lose(board);
         return;
     }
+    /* Insert it behind the messages that are due no later */
+    due_ns = board_find_due(board);
+    at = bus->waiting++;
+    while (at > 0 && bus_reply_at(bus, at - 1)->due_ns > due_ns) {
+        *bus_reply_at(bus, at) = *bus_reply_at(bus, at - 1);
+        at--;
+    }
+    reply = bus_reply_at(bus, at);
     board->replies++;
-    bus->waiting++;
     reply->board = board;
+    reply->due_ns = due_ns;
     reply->lost = false;
     reply->flags = flags;
     reply->len = len;
@@ -660,8 +698,8 @@ void boards_count_frame(struct boards *boards, struct board *listener, enum boar
     }
 }
 
-void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
-                    const struct bus_frame *frame)
+void boards_receive_early(struct boards *boards, int64_t now_ns, int64_t arrival_ns, size_t bus,
+                          const struct bus_frame *frame)
 {
     bool fd = frame->flags & FRAME_FD, extended = frame->flags & FRAME_EXTENDED;
 
@@ -673,7 +711,16 @@ void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
         return;
     }
     boards->event_ns = boards->now_ns = now_ns;
+    boards->arrival_ns = arrival_ns;
+    boards->reply = &boards->bus[bus]->reply;
     boards->bus[bus]->ops->receive(boards, boards->bus[bus], frame);
+    boards->reply = NULL;
+}
+
+void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
+                    const struct bus_frame *frame)
+{
+    boards_receive_early(boards, now_ns, now_ns, bus, frame);
 }
 
 /* ---- control ---- */
@@ -847,10 +894,10 @@ void board_send(struct board *board, struct frame_sink *sink, uint32_t id, uint8
     board_send_as(board, sink, id, bus_flags(board->bus), len, data);
 }
 
-/* Sends waiting answers, oldest first, until the sink is full. */
-static void bus_send_replies(struct board_bus *bus, struct frame_sink *sink)
+/* Sends the waiting answers that are due by due_ns, in order, until the sink is full. */
+static void bus_send_replies(struct board_bus *bus, int64_t due_ns, struct frame_sink *sink)
 {
-    while (bus->waiting && sink->count < sink->max) {
+    while (bus->waiting && bus->replies[bus->head].due_ns <= due_ns && sink->count < sink->max) {
         struct queued_reply *reply = &bus->replies[bus->head];
 
         if (!reply->lost) {
@@ -882,22 +929,31 @@ static void board_transmit(struct board *board, struct ms_span span, struct fram
     }
 }
 
-size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus_index,
-                       struct bus_frame *frames, size_t max)
+size_t boards_answer(struct boards *boards, int64_t now_ns, int64_t due_ns, size_t bus,
+                     struct bus_frame *frames, size_t max)
 {
     struct frame_sink sink = {.frames = frames, .max = max, .time_ns = now_ns};
-    struct board_bus *bus;
-    struct ms_span span;
 
-    if (bus_index >= boards->nbus) {
-        return 0;
-    }
-    bus = boards->bus[bus_index];
     boards->event_ns = boards->now_ns = now_ns;
+    bus_send_replies(boards->bus[bus], due_ns, &sink);
+    return sink.count;
+}
 
-    /* Send waiting answers, then the periodic frames that are due, by address */
-    bus_send_replies(bus, &sink);
-    span = (struct ms_span){.from = bus->sent_ms, .to = now_ns / MS};
+int64_t boards_next_answer(const struct boards *boards, size_t bus)
+{
+    const struct board_bus *of = boards->bus[bus];
+
+    return of->waiting ? of->replies[of->head].due_ns : INT64_MAX;
+}
+
+size_t boards_transmit_periodic(struct boards *boards, int64_t now_ns, size_t bus_index,
+                                struct bus_frame *frames, size_t max)
+{
+    struct frame_sink sink = {.frames = frames, .max = max, .time_ns = now_ns};
+    struct board_bus *bus = boards->bus[bus_index];
+    const struct ms_span span = {.from = bus->sent_ms, .to = now_ns / MS};
+
+    boards->event_ns = boards->now_ns = now_ns;
     bus->sent_ms = span.to;
     for (struct board **board = &bus->by_address[1]; board < &bus->by_address[BOARD_ADDRESSES];
          board++) {
@@ -908,14 +964,16 @@ size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus_index,
     return sink.count;
 }
 
-size_t boards_answer(struct boards *boards, int64_t now_ns, size_t bus, struct bus_frame *frames,
-                     size_t max)
+size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus, struct bus_frame *frames,
+                       size_t max)
 {
-    struct frame_sink sink = {.frames = frames, .max = max, .time_ns = now_ns};
+    size_t count;
 
-    boards->event_ns = boards->now_ns = now_ns;
-    bus_send_replies(boards->bus[bus], &sink);
-    return sink.count;
+    if (bus >= boards->nbus) {
+        return 0;
+    }
+    count = boards_answer(boards, now_ns, now_ns, bus, frames, max);
+    return count + boards_transmit_periodic(boards, now_ns, bus, frames + count, max - count);
 }
 
 size_t boards_transmit_max(const struct boards *boards, size_t bus)

@@ -248,6 +248,14 @@ static size_t fault_port_send(struct can_port *port, const struct bus_frame *fra
     return refused < count ? count - refused : 0;
 }
 
+size_t fault_port_hear(struct can_port *port, const struct bus_frame *frame,
+                       struct bus_frame out[2])
+{
+    struct fault_port *f = fault_port_of(port);
+
+    return fault_port_is_off(f) ? 0 : fault_port_apply_rules(f, &f->rx, frame, out);
+}
+
 static const struct can_port_ops ops = {
     .name = "fault",
     .receive = fault_port_receive,

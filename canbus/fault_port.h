@@ -49,6 +49,11 @@ struct fault_port_config {
 enum error_code fault_port_create(const struct fault_port_config *config, struct arena *arena,
                                   struct can_port **port, struct error *error);
 
+/* Applies the rules to a frame that arrives without the port (local_bus_listen). Writes up to two
+ * frames to out and returns their number; the port's next receive returns delayed ones. RT-safe. */
+size_t fault_port_hear(struct can_port *port, const struct bus_frame *frame,
+                       struct bus_frame out[2]);
+
 /* Sets the virtual time of a port that fault_port_create made. RT-safe. */
 void fault_port_time(struct can_port *port, int64_t time_ns);
 

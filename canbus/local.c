@@ -82,6 +82,8 @@ struct local_bus {
     uint64_t reached[LOCAL_NODES_MAX / 64]; /* mask of ports that received frames in this advance */
     void (*tap)(void *context, const struct bus_frame *frame);
     void *tap_context;
+    int64_t (*listener)(void *context, const struct bus_frame *frame); /* NULL = the inbox */
+    void *listener_context;
 };
 
 static inline struct local_lane *local_lane_between(const struct local_bus *bus, size_t receiver,
@@ -254,6 +256,19 @@ static void local_deliver_from_wire(struct local_bus *bus, size_t to, const stru
     }
 }
 
+/* Hands a frame to the listener of the first node. The wire stops when the listener sends. */
+static void local_deliver_to_listener(struct local_bus *bus, const struct bus_frame *frame)
+{
+    struct local_node *node = &bus->nodes[0];
+    int64_t next_ns;
+
+    if (atomic_load_explicit(&node->open, memory_order_relaxed)) {
+        port_count_received(&node->port, frame);
+        next_ns = bus->listener(bus->listener_context, frame);
+        wire_stop(bus->wire, next_ns > frame->time_ns ? next_ns : frame->time_ns);
+    }
+}
+
 /* Delivers a carried frame to the ports whose controllers have received it. */
 static void local_deliver_carried(struct local_bus *bus, const struct wire_event *event)
 {
@@ -262,8 +277,13 @@ static void local_deliver_carried(struct local_bus *bus, const struct wire_event
     for (size_t to = 0; to < nodes; to++) {
         const struct local_node *node = &bus->nodes[to];
 
-        if ((node->controller_mask & event->receivers) &&
-            !(node->controller_mask >> event->node & 1)) {
+        if (!(node->controller_mask & event->receivers) ||
+            node->controller_mask >> event->node & 1) {
+            continue;
+        }
+        if (to == 0 && bus->listener) {
+            local_deliver_to_listener(bus, event->frame);
+        } else {
             local_deliver_from_wire(bus, to, event->frame);
         }
     }
@@ -413,12 +433,13 @@ static void local_transmit_waiting(struct local_bus *bus, size_t sender)
     }
 }
 
-void local_bus_advance(struct local_bus *bus, int64_t now_ns)
+int64_t local_bus_advance(struct local_bus *bus, int64_t now_ns)
 {
+    int64_t reached_ns;
     size_t nodes;
 
     if (!bus->wire) {
-        return;
+        return now_ns;
     }
     /* Apply plugs and frames first, so that the wire sees them at the time of the last advance */
     local_update_plugs(bus);
@@ -426,10 +447,21 @@ void local_bus_advance(struct local_bus *bus, int64_t now_ns)
     for (size_t from = 0; from < nodes; from++) {
         local_transmit_waiting(bus, from);
     }
-    wire_advance(bus->wire, now_ns);
-    local_report_wire_drops(bus);
-    local_signal_nodes(bus, bus->reached);
-    memset(bus->reached, 0, sizeof bus->reached);
+    reached_ns = wire_advance(bus->wire, now_ns);
+    if (reached_ns >= now_ns) {
+        local_report_wire_drops(bus);
+        local_signal_nodes(bus, bus->reached);
+        memset(bus->reached, 0, sizeof bus->reached);
+    }
+    return reached_ns;
+}
+
+void local_bus_listen(struct local_bus *bus,
+                      int64_t (*listener)(void *context, const struct bus_frame *frame),
+                      void *context)
+{
+    bus->listener = listener;
+    bus->listener_context = context;
 }
 
 struct wire *local_bus_wire(const struct local_bus *bus)

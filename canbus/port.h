@@ -193,9 +193,18 @@ enum error_code local_bus_join(struct local_bus *bus, size_t nodes,
                                const struct frame_filter *filter, size_t nfilter,
                                struct can_port **port, struct error *error);
 
-/* Runs the wire up to a virtual time and delivers the frames that have arrived. No effect in ideal
- * mode. Call it from one thread only, the thread that advances time. RT-safe. */
-void local_bus_advance(struct local_bus *bus, int64_t now_ns);
+/* Runs the wire up to a virtual time and delivers the frames that have arrived. Returns the time
+ * reached: now_ns, or earlier where the listener sends; call it again after sending. No effect in
+ * ideal mode. Call it from one thread only, the thread that advances time. RT-safe. */
+int64_t local_bus_advance(struct local_bus *bus, int64_t now_ns);
+
+/* Sets the listener of the node that joined first: local_bus_advance hands it the frames of the
+ * wire at the end of their EOF, in the node's stead. It returns the time at which the node next
+ * sends; INT64_MAX = none. Frames that bypass the wire go to the port. Set it before the first
+ * frame. No effect in ideal mode. */
+void local_bus_listen(struct local_bus *bus,
+                      int64_t (*listener)(void *context, const struct bus_frame *frame),
+                      void *context);
 
 /* Returns the wire, for inspection and fault injection from the thread that advances it; NULL in
  * ideal mode. RT-safe. */

@@ -221,7 +221,7 @@ static bool loop_records_frame(const struct loop *loop, const struct bus_frame *
             frame->id == lockstep->step_id || frame->id == lockstep->done_id);
 }
 
-void loop_deliver_frame(struct loop *loop, size_t bus, const struct bus_frame *frame)
+void loop_deliver_frame(struct loop *loop, size_t bus, struct bus_frame *frame)
 {
     const struct loop_machine *machine = &loop->config.machine;
 
@@ -229,6 +229,7 @@ void loop_deliver_frame(struct loop *loop, size_t bus, const struct bus_frame *f
         recorder_frame(loop->config.recorder, bus, frame, loop->stats.time_ns);
     }
     if (loop->config.clock != LOOP_CLOCK_LOCKSTEP || frame->id != loop->config.lockstep.step_id) {
+        frame->time_ns = loop->stats.time_ns - loop->early_ns;
         machine->receive(machine->context, loop->stats.time_ns, bus, frame);
     }
 }
@@ -372,16 +373,33 @@ static bool loop_advance_time(struct loop *loop)
     return lockstep_advance(&loop->lockstep, flags);
 }
 
+/* Moves buses with wire time to the end of the tick. */
+static LOOP_NOINLINE void loop_advance(struct loop *loop, int64_t end_ns)
+{
+    const struct loop_machine *machine = &loop->config.machine;
+
+    if (machine->advance) {
+        machine->advance(machine->context, end_ns);
+        loop->advance_ns = clock_now(loop->config.time) - loop->mark_ns;
+        loop->mark_ns += loop->advance_ns;
+    }
+}
+
 /* Sends the machine's frames on each bus at the tick's end, then DONE if it is due. */
 static LOOP_NOINLINE void loop_transmit(struct loop *loop)
 {
     const struct loop_machine *machine = &loop->config.machine;
     bool done_due = loop_advance_time(loop);
-    int64_t now_ns = loop->stats.time_ns;
+    int64_t now_ns = loop->stats.time_ns, due_ns = now_ns;
 
-    /* Deliver the frames that were in transit during the tick before sending new ones at its end */
-    if (machine->advance) {
-        machine->advance(machine->context, now_ns);
+    loop->mark_ns -= loop->advance_ns;
+    if (machine->set_due) {
+        /* Where the loop can send an answer between ticks, it sends none too early */
+        if (loop_arrivals_possible(loop)) {
+            due_ns = loop_virtual_time(loop, now_ns - loop->config.tick_ns,
+                                       clock_now(loop->config.time));
+        }
+        machine->set_due(machine->context, due_ns);
     }
     for (size_t b = 0; b < loop->config.nbus; b++) {
         size_t count = machine->transmit
@@ -461,6 +479,7 @@ static void loop_run_tick(struct loop *loop)
     loop_phase_end(loop, PHASE_BOARDS);
     sane = !machine->plant || machine->plant(machine->context, begin_ns);
     loop_phase_end(loop, PHASE_PLANT);
+    loop_advance(loop, end_ns);
     sane = (!machine->sample || machine->sample(machine->context, end_ns)) && sane;
     loop_phase_end(loop, PHASE_SENSORS);
     loop_transmit(loop);

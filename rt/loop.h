@@ -34,10 +34,10 @@
  *
  * Arrivals. With the real clock, the loop also receives frames between two ticks. Conditions: the
  * machine has `answer`, and `listens` returns true. The machine gets each frame at once, and the
- * loop sends the answers at once. Set-points take effect in the next tick. The loop stops receiving
- * after LOOP_ARRIVALS_MAX frames or shortly before the deadline; later frames wait for the tick.
- * The time of this work is in PHASE_ARRIVALS, not in PHASE_WAIT. Periodic frames are sent only in
- * the tick.
+ * loop sends the answers when they are due. Set-points take effect in the next tick. The loop stops
+ * receiving after LOOP_ARRIVALS_MAX frames or shortly before the deadline; later frames wait for
+ * the tick. The time of this work is in PHASE_ARRIVALS, not in PHASE_WAIT. Periodic frames are sent
+ * only in the tick.
  *
  * No bus can stall the loop. A tick takes at most LOOP_RECEIVE_MAX frames from each bus; the other
  * frames wait, or are lost and counted. The same limit holds between two checks for a STEP.
@@ -126,18 +126,27 @@ struct loop_machine {
      * with the same time until a STEP comes. False = the controller has finished: the loop runs the
      * tick that its last frames request, then ends. */
     bool (*controller)(void *context, int64_t now_ns);
+    /* frame->time_ns is the virtual time of its arrival: now_ns, or earlier between two ticks. */
     void (*receive)(void *context, int64_t now_ns, size_t bus, const struct bus_frame *frame);
     /* Returns the answers to frames that `receive` delivered between two ticks. NULL = the loop
      * receives only in ticks, and `transmit` returns the answers. */
     size_t (*answer)(void *context, int64_t now_ns, size_t bus, struct bus_frame *frames,
                      size_t max);
+    /* Sets the virtual time by which answers are due, for the following calls of `answer` and
+     * `transmit`: the end of the tick; where the loop answers between ticks, the present time. NULL
+     * = all waiting answers are due. */
+    void (*set_due)(void *context, int64_t due_ns);
+    /* Returns the virtual time at which the next waiting answer is due, on any bus; INT64_MAX =
+     * none. NULL = no answer waits. */
+    int64_t (*next_answer)(void *context);
     /* Returns whether frames can arrive between ticks. False saves the loop the system calls. NULL
      * = true. */
     bool (*listens)(void *context);
     void (*control)(void *context, int64_t now_ns);
     bool (*plant)(void *context, int64_t now_ns);  /* false = the model failed; the run ends */
     bool (*sample)(void *context, int64_t now_ns); /* as plant */
-    /* Advances buses with wire time (wire mode) to the end of the tick, before the boards transmit.
+    /* Advances buses with wire time (wire mode) to the end of the tick, now_ns, before `sample`:
+     * boards that answer in the tick report their last samples. The time belongs to PHASE_TRANSMIT.
      * NULL = frames take no time. In lockstep the loop then receives once per STEP, not every
      * tick. */
     void (*advance)(void *context, int64_t now_ns);

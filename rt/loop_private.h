@@ -86,6 +86,7 @@ struct loop {
     int64_t mark_ns;            /* clock time at the end of the last phase */
     int64_t spent[PHASE_COUNT]; /* duration of each phase; wait: how late the tick began */
     int64_t work_begin_ns;
+    int64_t advance_ns; /* duration of machine.advance, part of PHASE_TRANSMIT */
 
     /* Real clock and paced free run */
     int64_t period_ns; /* tick T divided by the speed; 0 = no grid, as fast as possible */
@@ -109,6 +110,7 @@ struct loop {
     size_t arrivals;                       /* frames since the last tick */
     int64_t arrivals_ns, arrivals_late_ns; /* work for these frames; part after the deadline */
     bool arrivals_ended;                   /* the loop receives no more frames before the tick */
+    int64_t early_ns; /* virtual time from the arrival of the present frames to the tick */
 
     struct bus_frame *batch;    /* BATCH received frames */
     struct bus_frame *outgoing; /* frames to send: largest transmit_max + DONE */
@@ -139,8 +141,8 @@ void loop_send_frames(struct loop *loop, size_t bus, size_t count);
 /* Receives up to max frames of a bus. */
 size_t loop_take_frames(struct loop *loop, size_t bus, struct bus_frame *frames, size_t max);
 
-/* Records a received frame and hands it to the machine. */
-void loop_deliver_frame(struct loop *loop, size_t bus, const struct bus_frame *frame);
+/* Records a received frame and hands it to the machine with the time of its arrival. */
+void loop_deliver_frame(struct loop *loop, size_t bus, struct bus_frame *frame);
 
 /* Counts the frames that all ports have lost so far, on receive and on send. */
 void loop_count_lost(const struct loop *loop, uint64_t *rx, uint64_t *tx);
@@ -177,8 +179,15 @@ static inline bool loop_request_waits(const struct loop *loop)
 /* Allocates the descriptors; false = out of memory. Not RT-safe. */
 bool loop_arrivals_create(struct loop *loop, struct arena *arena);
 
-/* Begins a sleep that arriving frames end: fills in the descriptors of loop->poll and lowers
- * *until_ns. Returns false when the loop receives in the tick only. */
+/* Checks whether the loop answers between ticks: with the real clock, while somebody listens. */
+bool loop_arrivals_possible(const struct loop *loop);
+
+/* Returns the virtual time at a time of the clock. A tick begins at virtual time tick_ns and at
+ * loop->deadline_ns. */
+int64_t loop_virtual_time(const struct loop *loop, int64_t tick_ns, int64_t clock_ns);
+
+/* Begins a sleep that arriving frames and due answers end: fills in the descriptors of loop->poll
+ * and lowers *until_ns. Returns false when the loop receives in the tick only. */
 bool loop_arrivals_begin(struct loop *loop, int64_t now_ns, int64_t *until_ns);
 
 /* Receives and answers frames of the readable buses, up to the limits in rt/loop.h. Returns the

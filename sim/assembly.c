@@ -310,6 +310,10 @@ static enum error_code simulator_create_boards(struct simulator *simulator, stru
     }
     for (size_t b = 0; b < rig->nbus; b++) {
         simulator->transmit_max[b] = boards_transmit_max(simulator->boards, b);
+        simulator->listener[b] = (struct simulator_bus){simulator, b};
+        if (simulator->buses.bus[b]) {
+            local_bus_listen(simulator->buses.bus[b], simulator_hear, &simulator->listener[b]);
+        }
     }
 
     /* The listener to external boards stays NULL if the rig has none */

@@ -277,15 +277,15 @@ enum error_code buses_join(struct buses *buses, struct arena *arena, struct bus_
     return buses_join_all(buses, false, arena, ports, error);
 }
 
-void buses_advance(const struct buses *buses, int64_t now_ns)
+int64_t buses_advance(const struct buses *buses, size_t bus, int64_t now_ns)
 {
-    for (size_t b = 0; b < buses->rig->nbus; b++) {
-        if (buses->bus[b]) {
-            local_bus_advance(buses->bus[b], now_ns);
-        } else if (buses->paced[b]) {
-            paced_port_advance(buses->paced[b], now_ns);
-        }
+    if (buses->bus[bus]) {
+        return local_bus_advance(buses->bus[bus], now_ns);
     }
+    if (buses->paced[bus]) {
+        paced_port_advance(buses->paced[bus], now_ns);
+    }
+    return now_ns;
 }
 
 void buses_tap(const struct buses *buses, size_t bus,

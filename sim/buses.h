@@ -68,8 +68,9 @@ enum error_code buses_join_boards(struct buses *buses, struct arena *arena, stru
 enum error_code buses_join(struct buses *buses, struct arena *arena, struct bus_ports *ports,
                            struct error *error);
 
-/* Advances timed buses to a virtual time. Call it from the simulator's thread. RT-safe. */
-void buses_advance(const struct buses *buses, int64_t now_ns);
+/* Advances a timed bus to a virtual time. Returns the time reached: now_ns, or earlier where a
+ * board sends (local_bus_listen). Call it from the simulator's thread. RT-safe. */
+int64_t buses_advance(const struct buses *buses, size_t bus, int64_t now_ns);
 
 /* Sets a callback that receives each frame after the wire of a timed bus has carried it. The
  * callback runs in the simulator's thread. Set it before the first frame. */

@@ -196,6 +196,16 @@ static void injection_set_port_time(struct fault_injection *injection)
     }
 }
 
+size_t fault_injection_hear(struct fault_injection *injection, size_t bus,
+                            const struct bus_frame *frame, struct bus_frame out[2])
+{
+    if (injection->port[bus]) {
+        return fault_port_hear(injection->port[bus], frame, out);
+    }
+    out[0] = *frame;
+    return 1;
+}
+
 void fault_injection_restored(struct fault_injection *injection)
 {
     injection_set_port_time(injection);

@@ -32,6 +32,11 @@ enum error_code fault_injection_create(const struct fault_injection_config *conf
  * with the same time applies only the faults that were switched after the first call. RT-safe. */
 void fault_injection_step(struct fault_injection *injection, int64_t now_ns);
 
+/* Applies the faults of a bus to a frame that its wire hands to the boards. Writes up to two frames
+ * to out and returns their number. RT-safe. */
+size_t fault_injection_hear(struct fault_injection *injection, size_t bus,
+                            const struct bus_frame *frame, struct bus_frame out[2]);
+
 /* Updates counters and states of the ports after a checkpoint is restored. RT-safe. */
 void fault_injection_restored(struct fault_injection *injection);
 

@@ -9,6 +9,8 @@
  * that the controller's first voltages can build up the currents. */
 #define BRAKE_NS INT64_C(20000000)
 
+enum { ANSWERS = 8 }; /* answers that one call sends within a tick */
+
 /* Opens and closes the windows of faults. It runs before the wait, because in lockstep the loop
  * receives frames while it waits, through ports with faults. */
 static void machine_begin(void *context, int64_t now_ns)
@@ -45,7 +47,7 @@ static void machine_receive(void *context, int64_t now_ns, size_t bus,
 {
     struct simulator *simulator = context;
 
-    boards_receive(simulator->boards, now_ns, bus, frame);
+    boards_receive_early(simulator->boards, now_ns, frame->time_ns, bus, frame);
     if (simulator->external) {
         external_receive(simulator->external, now_ns, bus, frame);
     }
@@ -177,29 +179,89 @@ static void simulator_update_can_states(struct simulator *simulator, size_t bus)
     }
 }
 
+int64_t simulator_hear(void *context, const struct bus_frame *frame)
+{
+    const struct simulator_bus *listener = context;
+    struct simulator *simulator = listener->simulator;
+    struct bus_frame heard[2];
+    const size_t count = fault_injection_hear(simulator->injection, listener->bus, frame, heard);
+
+    for (size_t i = 0; i < count; i++) {
+        boards_receive(simulator->boards, frame->time_ns, listener->bus, &heard[i]);
+        if (simulator->external) {
+            /* Its values take effect at the beginning of the next tick */
+            external_receive(simulator->external, simulator->advance_ns, listener->bus, &heard[i]);
+        }
+    }
+    return boards_next_answer(simulator->boards, listener->bus);
+}
+
+/* Moves a wire to the end of the tick. It stops whenever an answer of a board is due, which then
+ * enters the board's controller. */
+static void simulator_advance_bus(struct simulator *simulator, size_t bus, int64_t end_ns)
+{
+    struct bus_frame answer[ANSWERS];
+    int64_t at_ns = 0;
+
+    while (at_ns < end_ns) {
+        const int64_t due_ns = boards_next_answer(simulator->boards, bus);
+        size_t count;
+
+        at_ns = buses_advance(&simulator->buses, bus,
+                              simulator->buses.local && due_ns < end_ns ? due_ns : end_ns);
+        while (at_ns < end_ns &&
+               (count = boards_answer(simulator->boards, at_ns, at_ns, bus, answer, ANSWERS)) > 0) {
+            can_send(simulator->ports.port[bus], answer, count);
+        }
+    }
+}
+
 static void machine_advance(void *context, int64_t now_ns)
+{
+    struct simulator *simulator = context;
+
+    simulator->advance_ns = now_ns;
+    for (size_t b = 0; b < simulator->config.rig->nbus; b++) {
+        simulator_advance_bus(simulator, b, now_ns);
+    }
+}
+
+static void machine_set_due(void *context, int64_t due_ns)
+{
+    ((struct simulator *)context)->due_ns = due_ns;
+}
+
+static int64_t machine_next_answer(void *context)
+{
+    const struct simulator *simulator = context;
+    int64_t next_ns = INT64_MAX;
+
+    for (size_t b = 0; b < simulator->config.rig->nbus; b++) {
+        const int64_t due_ns = boards_next_answer(simulator->boards, b);
+
+        next_ns = due_ns < next_ns ? due_ns : next_ns;
+    }
+    return next_ns;
+}
+
+/* Collects the answers of boards that are due. */
+static size_t machine_answer(void *context, int64_t now_ns, size_t bus, struct bus_frame *frames,
+                             size_t max)
 {
     const struct simulator *simulator = context;
 
-    buses_advance(&simulator->buses, now_ns);
+    return boards_answer(simulator->boards, now_ns, simulator->due_ns, bus, frames, max);
 }
 
 static size_t machine_transmit(void *context, int64_t now_ns, size_t bus, struct bus_frame *frames,
                                size_t max)
 {
     struct simulator *simulator = context;
+    const size_t count = machine_answer(context, now_ns, bus, frames, max);
 
     simulator_update_can_states(simulator, bus);
-    return boards_transmit(simulator->boards, now_ns, bus, frames, max);
-}
-
-/* Collects the answers of boards between two ticks of real time. */
-static size_t machine_answer(void *context, int64_t now_ns, size_t bus, struct bus_frame *frames,
-                             size_t max)
-{
-    const struct simulator *simulator = context;
-
-    return boards_answer(simulator->boards, now_ns, bus, frames, max);
+    return count +
+           boards_transmit_periodic(simulator->boards, now_ns, bus, frames + count, max - count);
 }
 
 /* Checks whether other programs can send frames: always on SocketCAN; on local buses only through
@@ -250,6 +312,8 @@ struct loop_machine simulator_machine(struct simulator *simulator)
         .receive = machine_receive,
         /* On a wire in virtual time, frames arrive in ticks only */
         .answer = simulator->buses.timed ? NULL : machine_answer,
+        .set_due = machine_set_due,
+        .next_answer = machine_next_answer,
         .listens = machine_listens,
         .control = machine_control,
         .plant = machine_plant,

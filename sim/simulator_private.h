@@ -28,6 +28,12 @@ struct release {
     uint64_t trips; /* number of axis trips so far */
 };
 
+/* A bus of the simulator, for a function that the bus calls. */
+struct simulator_bus {
+    struct simulator *simulator;
+    size_t bus;
+};
+
 struct simulator {
     struct simulator_config config;
     struct arena *arena;
@@ -52,6 +58,9 @@ struct simulator {
     int64_t stimulus_ns; /* replay receives recorded frames up to this virtual time */
     struct gateway *gateway;
     size_t *transmit_max;
+    struct simulator_bus listener[RIG_BUSES_MAX];
+    int64_t advance_ns; /* end of the present tick, while the wires advance */
+    int64_t due_ns;     /* virtual time by which answers are due */
     struct loop *loop;
     struct recorder *recorder;
     const char **title; /* signal names: columns of signals.csv, then bus counters */
@@ -92,6 +101,10 @@ enum error_code simulator_assemble(struct simulator *simulator, char notice[256]
 /* ---- machine.c, status.c: RT-safe ---- */
 
 struct loop_machine simulator_machine(struct simulator *simulator);
+
+/* Hands a frame to its board at the end of its wire time; context: struct simulator_bus. Returns
+ * the time of the next answer. */
+int64_t simulator_hear(void *context, const struct bus_frame *frame);
 
 /* Publishes the status; the context is the simulator. */
 void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *stats);

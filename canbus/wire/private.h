@@ -91,6 +91,7 @@ struct wire {
     size_t size; /* size of the wire's memory, which begins here */
     struct wire_tables tables;
     int64_t now_ns;
+    int64_t until_ns; /* end of the present advance */
     int64_t delimiter_ns;
     struct wire_node *node; /* config.nodes, then the foreign node of collisions */
 

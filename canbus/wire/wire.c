@@ -540,14 +540,21 @@ static bool wire_take_frame_step(struct wire *wire, int64_t to_ns)
     return true;
 }
 
-void wire_advance(struct wire *wire, int64_t to_ns)
+int64_t wire_advance(struct wire *wire, int64_t to_ns)
 {
     if (to_ns <= wire->now_ns) {
-        return;
+        return wire->now_ns;
     }
+    wire->until_ns = to_ns;
     /* Usually only frames can happen: use the fast case */
-    while (wire->off | wire->unplugged | wire->nlate ? wire_take_step(wire, to_ns)
-                                                     : wire_take_frame_step(wire, to_ns)) {
+    while (wire->off | wire->unplugged | wire->nlate ? wire_take_step(wire, wire->until_ns)
+                                                     : wire_take_frame_step(wire, wire->until_ns)) {
     }
-    wire->now_ns = to_ns;
+    wire->now_ns = wire->until_ns;
+    return wire->now_ns;
+}
+
+void wire_stop(struct wire *wire, int64_t time_ns)
+{
+    wire->until_ns = time_ns < wire->until_ns ? time_ns : wire->until_ns;
 }

@@ -97,7 +97,7 @@ struct wire_config {
     int64_t window_ns;        /* averaging window of the present and the peak load; 0 = 100 ms */
     uint64_t seed;            /* seed of the faults' random numbers */
     /* wire_advance calls it for each event, in order of time. It must not call functions of the
-     * wire. May be NULL. */
+     * wire, except wire_stop. May be NULL. */
     void (*notify)(void *context, const struct wire_event *event);
     void *context;
     uint32_t events; /* wanted events, bits 1 << enum wire_event_kind; 0 = all */
@@ -113,8 +113,13 @@ enum error_code wire_create(const struct wire_config *config, struct arena *aren
  * reason. */
 bool wire_transmit(struct wire *wire, size_t node, const struct bus_frame *frame);
 
-/* Runs the bus up to a time. An earlier time than before has no effect. */
-void wire_advance(struct wire *wire, int64_t to_ns);
+/* Runs the bus up to a time. An earlier time than before has no effect. Returns the time that the
+ * bus has reached: to_ns, or the time of wire_stop. */
+int64_t wire_advance(struct wire *wire, int64_t to_ns);
+
+/* Makes the present wire_advance end at a time, which is not before the present event. Only for
+ * `notify`: a node that has received a frame can send at that time. */
+void wire_stop(struct wire *wire, int64_t time_ns);
 
 /* Returns the memory of the wire, which includes faults, statistics and random numbers. To restore
  * the wire, copy a saved copy back to the same address. */

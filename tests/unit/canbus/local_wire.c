@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The local bus in wire mode. */
+#include "base/array.h"
 #include "canbus/port.h"
 #include "tests/unit/canbus/wire/wire_bench.h"
 #include "tests/unit/canbus/wire/wire_force.h"
@@ -225,6 +226,122 @@ TEST_WITH(frames_of_several_ticks_wait_in_their_order, set_up, tear_down)
         assert_int_equal(got[tick - 1].time_ns, tick * MS + length);
     }
     assert_int_equal(got[20].id, DONE);
+}
+
+/* ---- a listener that answers within the advance ---- */
+
+/* The boards: each answers its command with identifier 0 after a delay. */
+static struct {
+    int64_t delay_ns, heard_ns[8], due_ns[8];
+    size_t heard, sent;
+} listener;
+
+static int64_t listener_next(void)
+{
+    return listener.sent < listener.heard ? listener.due_ns[listener.sent] : INT64_MAX;
+}
+
+static int64_t listen(void *context, const struct bus_frame *frame)
+{
+    (void)context;
+    listener.heard_ns[listener.heard] = frame->time_ns;
+    listener.due_ns[listener.heard++] = frame->time_ns + listener.delay_ns;
+    return listener_next();
+}
+
+/* Advances to a time, and sends the answers of the boards where the bus stops. */
+static void advance_with_answers(int64_t to_ns)
+{
+    int64_t at_ns = 0;
+
+    while (at_ns < to_ns) {
+        const int64_t next_ns = listener_next();
+
+        at_ns = local_bus_advance(bus, next_ns < to_ns ? next_ns : to_ns);
+        for (; at_ns < to_ns && listener_next() <= at_ns; listener.sent++) {
+            struct bus_frame answer = bench_frame(0, 6);
+
+            answer.node = (uint16_t)listener.sent;
+            answer.data[0] = (uint8_t)(1 + listener.sent);
+            can_send(boards, &answer, 1);
+        }
+    }
+}
+
+/* Closed form of two commands at 1 ms and their answers with one identifier: an answer that is due
+ * goes before the next command, and competes for the bus at the end of its delay. */
+TEST(an_answer_competes_for_the_bus_at_the_end_of_its_delay)
+{
+    static const int64_t delay_ns[] = {0, 50 * US, 300 * US, 5 * MS};
+    const int64_t gap = 3 * US; /* intermission */
+
+    for (size_t row = 0; row < ARRAY_COUNT(delay_ns); row++) {
+        const int64_t delay = delay_ns[row];
+        struct bus_frame command[2] = {bench_frame(1, 8), bench_frame(2, 8)}, answer[2];
+        int64_t c[2], a[2], end[2], begin[2];
+
+        set_up(NULL);
+        open_bus(0);
+        memset(&listener, 0, sizeof listener);
+        listener.delay_ns = delay;
+        local_bus_listen(bus, listen, NULL);
+        for (size_t i = 0; i < 2; i++) {
+            answer[i] = bench_frame(0, 6);
+            answer[i].data[0] = (uint8_t)(1 + i);
+            c[i] = bench_duration(&command[i], 1000000, 0);
+            a[i] = bench_duration(&answer[i], 1000000, 0);
+            assert_int_equal(can_send(host, &command[i], 1), 1);
+        }
+        advance_with_answers(20 * MS);
+
+        end[0] = MS + c[0];
+        if (delay <= gap) {
+            begin[0] = end[0] + gap;
+            end[1] = begin[0] + a[0] + gap + c[1];
+            begin[1] = end[1] + gap;
+        } else {
+            end[1] = end[0] + gap + c[1];
+            begin[0] = end[0] + delay > end[1] + gap ? end[0] + delay : end[1] + gap;
+            begin[1] = begin[0] + a[0] + gap;
+            begin[1] = end[1] + delay > begin[1] ? end[1] + delay : begin[1];
+        }
+        assert_int_equal(listener.heard, 2);
+        assert_int_equal(can_receive(host, got, 8), 2);
+        for (size_t i = 0; i < 2; i++) {
+            assert_int_equal(listener.heard_ns[i], end[i]);
+            assert_int_equal(got[i].data[0], 1 + i);
+            assert_int_equal(got[i].time_ns, begin[i] + a[i]);
+        }
+        assert_int_equal(can_receive(boards, got, 8), 0);
+        assert_int_equal(boards->counters.rx_frames, 2);
+        assert_int_equal(boards->counters.tx_dropped, 0);
+        tear_down(NULL);
+    }
+}
+
+/* A destroyed answer is repeated behind its error frame: its flags, delimiter and intermission. */
+TEST_WITH(a_destroyed_answer_is_repeated_at_the_time_of_the_wire, set_up, tear_down)
+{
+    const struct wire_fault once = {
+        .kind = WIRE_FAULT_CORRUPT, .node = 0, .receiver = WIRE_ANY, .count = 1};
+    struct bus_frame command = bench_frame(1, 8), answer = bench_frame(0, 6);
+    int64_t good_ns, length;
+    struct wire_stats stats;
+
+    open_bus(0);
+    memset(&listener, 0, sizeof listener);
+    local_bus_listen(bus, listen, NULL);
+    answer.data[0] = 1;
+    length = bench_duration(&answer, 1000000, 0);
+    good_ns = MS + bench_duration(&command, 1000000, 0) + 3 * US + length;
+    assert_true(wire_inject(local_bus_wire(bus), &once) >= 0);
+    can_send(host, &command, 1);
+    advance_with_answers(2 * MS);
+    wire_stats(local_bus_wire(bus), &stats);
+    assert_int_equal(stats.errors[WIRE_BIT_ERROR], 1);
+    assert_int_equal(can_receive(host, got, 8), 1);
+    assert_true(got[0].time_ns > good_ns + 17 * US);
+    assert_true(got[0].time_ns < good_ns + length + 23 * US);
 }
 
 TEST_WITH(a_port_that_closes_no_longer_acknowledges, set_up, tear_down)

@@ -92,7 +92,7 @@ TEST_WITH(timed_local_buses_deliver_when_they_are_advanced, open_arena, close_ar
     frame.node = 2;
     assert_int_equal(can_send(simulator.port[0], &frame, 1), 1);
     assert_int_equal(can_receive(task.port[0], &found, 1), 0);
-    buses_advance(&buses, 1000000);
+    buses_advance(&buses, 0, 1000000);
     assert_int_equal(can_receive(task.port[0], &found, 1), 1);
     assert_true(found.time_ns > 60000 && found.time_ns < 80000);
     bus_ports_close(&task);
