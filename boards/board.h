@@ -89,6 +89,9 @@ struct board_reply_time {
     int64_t delay_ns, spread_ns;
 };
 
+/* Greatest delay and spread that files may set, s. */
+#define BOARD_REPLY_MAX_S 0.1
+
 /* One axis of a motor board. */
 struct board_axis_config {
     /* index in the plant's arrays; -1 = spare axis. On compact, cia402 and described boards, the

@@ -434,6 +434,7 @@ static bool boards_make_buses(struct boards *boards, const struct boards_config 
         }
         boards->bus[i]->config = *boards_bus(config, (int)i);
         boards->bus[i]->config.protocol = protocol;
+        boards->bus[i]->reply = protocol->reply;
     }
     return boards->bus;
 }

@@ -56,6 +56,9 @@ struct protocol {
     /* a file that the rig names describes the protocol (boards_bus_config.described) */
     bool needs_file;
 
+    /* time of the boards' answers, unless the rig has another; ignored if needs_file */
+    struct board_reply_time reply;
+
     /* Text of the built-in protocol files, for classic CAN and CAN FD; NULL = none */
     const char *text, *text_fd;
 

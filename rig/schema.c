@@ -196,6 +196,8 @@ static const struct yaml_field board_fields[] = {
     {"external", YAML_BOOL, false, .offset = AT(raw_board, board.external)},
     {"external_follows", YAML_ENUM, false, AT(raw_board, external_torque), .names = follows_names},
     YAML_SECONDS("external_timeout_s", false, raw_board, board.external_timeout_ns, 0.001, 60.0),
+    YAML_SECONDS("reply_delay_s", false, raw_board, board.reply.delay_ns, 0.0, BOARD_REPLY_MAX_S),
+    YAML_SECONDS("reply_spread_s", false, raw_board, board.reply.spread_ns, 0.0, BOARD_REPLY_MAX_S),
 };
 static const struct raw_board board_defaults = {.board.period_ns = 1000000};
 const struct yaml_schema rig_board_schema =
@@ -240,6 +242,9 @@ static const struct yaml_field motors_fields[] = {
      .max = 126},
     YAML_SECONDS("status_period_s", false, raw_motors, board.status_period_ns, 0.0, 10.0),
     YAML_SECONDS("boot_s", false, raw_motors, board.boot_ns, 0.0, 60.0),
+    YAML_SECONDS("reply_delay_s", false, raw_motors, board.reply.delay_ns, 0.0, BOARD_REPLY_MAX_S),
+    YAML_SECONDS("reply_spread_s", false, raw_motors, board.reply.spread_ns, 0.0,
+                 BOARD_REPLY_MAX_S),
     {"strict", YAML_BOOL, false, .offset = AT(raw_motors, board.strict)},
     {"require_calibration", YAML_BOOL, false, .offset = AT(raw_motors, board.require_calibration)},
     {"keep_firmware", YAML_BOOL, false, .offset = AT(raw_motors, board.keep_firmware)},
@@ -250,6 +255,7 @@ static const struct yaml_field motors_fields[] = {
 static const struct raw_motors motors_defaults = {.rotor_poles = 8,
                                                   .board = {.command_timeout_ns = 100000000,
                                                             .boot_ns = -1,
+                                                            .reply = {-1, -1},
                                                             .period_ns = 1000000,
                                                             .external_timeout_ns = 20000000},
                                                   .axis.temperature_limit_c = 70.0};

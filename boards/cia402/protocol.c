@@ -233,6 +233,8 @@ const struct protocol protocol_cia402 = {
     .address_max = CIA402_NODE_MAX,
     .axes_max = CIA402_BOARD_AXES,
     .switches = true,
+    /* assumed: drives differ, and the standard only bounds it by the host's time-out */
+    .reply = {.delay_ns = 200000},
     .make_bus = cia402_bus_create,
     .make_board = cia402_make_board,
     .visit_broadcasts = cia402_visit_broadcasts,

@@ -282,6 +282,7 @@ static void described_bus_receive(struct boards *boards, struct board_bus *of,
         boards->counters.foreign++;
         return;
     }
+    boards->reply = &a.row->time;
     if (a.verdict == BOARD_OBEYED && described_is_stuck(bus, &a)) {
         a.verdict = BOARD_MALFORMED;
     }

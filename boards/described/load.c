@@ -240,6 +240,8 @@ static enum error_code described_check_frame(struct described_loader *l,
          "",
          "found a key of frames from the host in one from the board: reply, enter, zero, stop, "
          "clear_faults, restart, lengths or remote"},
+        {(made->time.delay_ns >= 0 || made->time.spread_ns >= 0) && !raw->reply, "",
+         "found reply_delay_s or reply_spread_s without reply, expected both or none"},
         {made->optional && !period, "optional", "found optional without period_s, expected both"},
         {made->telemetry && period, "period_s",
          "found period_s beside telemetry, expected one of them"},
@@ -291,6 +293,8 @@ static enum error_code described_build_frame(struct described_loader *l,
     code = described_check_word(l, &raw->mark, made->name);
     code = code ? code : described_check_frame(l, raw, made);
     code = code ? code : described_lay_out(l, raw, made);
+    made->time.delay_ns = made->time.delay_ns < 0 ? l->raw->time.delay_ns : made->time.delay_ns;
+    made->time.spread_ns = made->time.spread_ns < 0 ? l->raw->time.spread_ns : made->time.spread_ns;
     code = code ? code : described_find_name(l, &raw->mark, "enter", raw->enter, &made->enter);
 
     /* Properties of the row that follow from the meanings of its fields */

@@ -50,6 +50,7 @@ struct raw_described {
     const char *name, *description, *timeout_state, *unknown_state;
     int axes, address_max, fault_bit[DESCRIBED_FAULT_KINDS];
     int64_t command_timeout_ns;
+    struct board_reply_time time;
     struct raw_described_frame *frame;
     struct described_state *state, *law;
     struct raw_described_parameter *parameter;

@@ -15,6 +15,7 @@
 #include "base/arena.h"
 #include "base/error.h"
 #include "base/yaml.h"
+#include "boards/board.h"
 #include "boards/field.h"
 #include "canbus/frame.h"
 
@@ -252,6 +253,7 @@ struct described_frame {
 
     /* From the host */
     int reply[3];                  /* answering frame by kind of board; -1 = none */
+    struct board_reply_time time;  /* time of the answer */
     int8_t echo[DESCRIBED_ECHOES]; /* fields that echoes in the answer copy; -1 = none */
     int enter;                     /* state to enter; -1 = none */
     bool zero;                     /* sets the present position to 0 */

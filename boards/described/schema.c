@@ -205,6 +205,10 @@ static const struct yaml_field frame_fields[] = {
     {"on_restart", YAML_BOOL, false, .offset = AT(row.on_restart)},
     {"optional", YAML_BOOL, false, .offset = AT(row.optional)},
     {"reply", YAML_STRING, false, AT(reply), .min = 1, .max = 31},
+    {"reply_delay_s", YAML_REAL, false, AT(row.time.delay_ns), .ns = true, .min = 0.0,
+     .max = BOARD_REPLY_MAX_S},
+    {"reply_spread_s", YAML_REAL, false, AT(row.time.spread_ns), .ns = true, .min = 0.0,
+     .max = BOARD_REPLY_MAX_S},
     {"enter", YAML_STRING, false, AT(enter), .min = 1, .max = 31},
     {"zero", YAML_BOOL, false, .offset = AT(row.zero)},
     {"stop", YAML_BOOL, false, .offset = AT(row.stop)},
@@ -213,7 +217,7 @@ static const struct yaml_field frame_fields[] = {
     {"restart", YAML_BOOL, false, .offset = AT(row.restart)},
 };
 static const struct raw_described_frame frame_defaults = {
-    .row = {.step = 1}, .repeat = 1, .brs = true};
+    .row = {.step = 1, .time = {-1, -1}}, .repeat = 1, .brs = true};
 static const struct yaml_schema frame_schema =
     YAML_SCHEMA("a frame", struct raw_described_frame, frame_fields, .defaults = &frame_defaults);
 
@@ -304,6 +308,10 @@ static const struct yaml_field described_fields[] = {
      .max = DESCRIBED_ADDRESS_MAX},
     {"command_timeout_s", YAML_REAL, false, AT(command_timeout_ns), .ns = true, .min = 0.0,
      .max = 60.0},
+    {"reply_delay_s", YAML_REAL, false, AT(time.delay_ns), .ns = true, .min = 0.0,
+     .max = BOARD_REPLY_MAX_S},
+    {"reply_spread_s", YAML_REAL, false, AT(time.spread_ns), .ns = true, .min = 0.0,
+     .max = BOARD_REPLY_MAX_S},
     {"on_timeout", YAML_STRING, false, AT(timeout_state), .min = 1, .max = 31},
     {"unknown_state", YAML_STRING, false, AT(unknown_state), .min = 1, .max = 31},
     {"states", YAML_LIST, true, AT(state), AT(nstate), .schema = &state_schema},

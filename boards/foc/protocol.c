@@ -141,6 +141,8 @@ const struct protocol protocol_foc = {
     .torque_boards = true,
     .padded = true,
     .external = true,
+    /* assumed: no figure of the boards is published */
+    .reply = {.delay_ns = 100000},
     .make_bus = icub_bus_create,
     .make_board = foc_make_board,
     .firmware = icub_firmware,

@@ -404,6 +404,8 @@ const struct protocol protocol_icub = {
     .torque_boards = true,
     .padded = true,
     .external = true,
+    /* assumed: no figure of the boards is published */
+    .reply = {.delay_ns = 100000},
     .make_bus = icub_bus_create,
     .make_board = icub_make_board,
     .firmware = icub_firmware,

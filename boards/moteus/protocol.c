@@ -112,6 +112,9 @@ const struct protocol protocol_moteus = {
     .canfd = true,
     .canfd_only = true,
     .motors_only = true,
+    /* assumed; at most 0.4 ms with both frames and the host: 2.5 kHz with one controller and a
+     * pi3hat, by its makers (blog.mjbots.com, "Capturing full rate debug data from moteus") */
+    .reply = {.delay_ns = 100000},
     .make_bus = moteus_bus_create,
     .make_board = moteus_make_board,
     .no_valves = true,

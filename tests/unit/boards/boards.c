@@ -98,3 +98,74 @@ TEST_ON(a_board_boots_by_the_time_of_its_caller, bench_configure, bench)
     boards_sample(bench->boards, 10000000, &bench->sensors);
     assert_true(boards_transmit(bench->boards, 10000000, 0, bench->frame[0], BENCH_FRAMES) > 0);
 }
+
+/* ---- the time of answers ---- */
+
+#define US INT64_C(1000)
+#define MS INT64_C(1000000)
+
+/* Sends discovery to all boards of bus 0, and collects the answers in steps of 1 us. Fills in the
+ * time of each node's answer. */
+static void time_answers(struct board_bench *bench, int64_t now_ns, int64_t arrival_ns,
+                         int64_t at_ns[4])
+{
+    const struct bus_frame request = frame_make(0x70f, 1, (const uint8_t[]){0xff});
+    int64_t before_ns = 0;
+    size_t seen = 0;
+
+    boards_receive_early(bench->boards, now_ns, arrival_ns, 0, &request);
+    for (int64_t t = arrival_ns; seen < 4; t += US) {
+        const int64_t next_ns = boards_next_answer(bench->boards, 0);
+        struct bus_frame answer[2];
+
+        assert_true(t < arrival_ns + MS && next_ns >= before_ns);
+        for (size_t n; (n = boards_answer(bench->boards, t, t, 0, answer, 1)) > 0; seen++) {
+            at_ns[answer[0].node] = t;
+            assert_true(next_ns <= t && t < next_ns + US);
+        }
+        before_ns = seen < 4 ? boards_next_answer(bench->boards, 0) : before_ns;
+    }
+    assert_true(boards_next_answer(bench->boards, 0) == INT64_MAX);
+}
+
+TEST_WITH(an_answer_is_due_after_the_delay_and_spread_of_its_board, bench_configured,
+          bench_tear_down)
+{
+    struct board_bench *bench = *test_state;
+    int64_t at_ns[4], least = MS, greatest = 0, changes = 0, before = 0;
+
+    bench->board[0].reply = (struct board_reply_time){300 * US, 0};
+    bench->board[1].reply = (struct board_reply_time){100 * US, 50 * US};
+    bench->board[2].reply = (struct board_reply_time){-1, -1}; /* the protocol's, assumed */
+    bench_start(bench);
+    for (int64_t k = 1; k <= 200; k++) {
+        /* In real time the boards' own time is ahead of a frame between two ticks */
+        const int64_t now_ns = 2 * k * MS, arrival_ns = now_ns - (k % 2) * 250 * US;
+
+        time_answers(bench, now_ns, arrival_ns, at_ns);
+        assert_int_equal(at_ns[0] - arrival_ns, 300 * US);
+        assert_int_equal(at_ns[2] - arrival_ns, 100 * US);
+        assert_int_equal(at_ns[3] - arrival_ns, 0);
+        at_ns[1] -= arrival_ns;
+        least = at_ns[1] < least ? at_ns[1] : least;
+        greatest = at_ns[1] > greatest ? at_ns[1] : greatest;
+        changes += at_ns[1] != before;
+        before = at_ns[1];
+    }
+    assert_true(least >= 100 * US && least < 105 * US);
+    assert_true(greatest <= 150 * US && greatest > 145 * US);
+    assert_true(changes > 150);
+}
+
+TEST_WITH(without_a_wire_an_answer_waits_for_the_end_of_its_tick, bench_configured, bench_tear_down)
+{
+    struct board_bench *bench = *test_state;
+
+    bench->board[0].reply = (struct board_reply_time){1500 * US, 0};
+    bench_start(bench);
+    for (int tick = 0; tick < 3; tick++) {
+        bench_send(bench, 0, 0x701, "FF");
+        bench_tick(bench);
+        assert_int_equal(bench->count[0], tick > 0); /* due in the second tick */
+    }
+}

@@ -3,6 +3,8 @@
  * of number and time, and never at the cost of a deadline. */
 #include "loop_bench.h"
 
+#include "base/array.h"
+
 #include <sys/eventfd.h>
 #include <unistd.h>
 
@@ -13,6 +15,8 @@ static struct {
     int64_t answer_work_ns;
     int64_t received_at_ns, answered_at_ns; /* of the last frame and answer */
     bool nobody;                            /* machine.listens says no */
+    /* Virtual times: delay of the answer, its due time, by when answers are due, arrival */
+    int64_t delay_ns, answer_due_ns, due_ns, arrival_ns;
 } script;
 
 /* Sends the frames of the script, if they are due before until_ns. Returns whether they are. */
@@ -129,6 +133,64 @@ TEST(the_loop_keeps_its_deadlines_and_the_rest_of_a_flood_waits_for_the_tick)
     assert_int_equal(bench->deadline[2], START + 3 * TICK);
     assert_int_equal(stats->overrun_total, 0);
     bench_destroy(bench);
+}
+
+static void receive_for_later(void *context, int64_t now_ns, size_t bus,
+                              const struct bus_frame *frame)
+{
+    receive(context, now_ns, bus, frame);
+    script.arrival_ns = frame->time_ns;
+    script.answer_due_ns = frame->time_ns + script.delay_ns;
+}
+
+static void set_due(void *context, int64_t due_ns)
+{
+    (void)context;
+    script.due_ns = due_ns;
+}
+
+static int64_t next_answer(void *context)
+{
+    (void)context;
+    return script.answer_due_ns;
+}
+
+static size_t answer_later(void *context, int64_t now_ns, size_t bus, struct bus_frame *frames,
+                           size_t max)
+{
+    if (bus != script.bus || script.answer_due_ns > script.due_ns) {
+        return 0;
+    }
+    script.answer_due_ns = INT64_MAX;
+    return answer(context, now_ns, bus, frames, max);
+}
+
+/* An answer with a delay leaves at its time between two ticks, here or in a later wait, whether the
+ * frame came in a wait or in a tick. */
+TEST(an_answer_leaves_when_it_is_due)
+{
+    static const struct {
+        double share, delay; /* ticks */
+    } rows[] = {{0.25, 0.5}, {0.5, 1.25}, {0.99, 0.5}, {0.25, 2.5}};
+
+    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
+        struct bench *bench = arrivals_create(LOOP_CLOCK_REAL, rows[i].share, 1);
+        /* Shortly before the deadline the frame waits for the tick */
+        const double share = rows[i].share > 0.9 ? 1.0 : rows[i].share;
+        const int64_t begin_ns = script.at_ns + (int64_t)((share - rows[i].share) * (double)TICK);
+
+        script.delay_ns = (int64_t)(rows[i].delay * (double)TICK);
+        script.answer_due_ns = INT64_MAX;
+        bench->config.machine.receive = receive_for_later;
+        bench->config.machine.answer = answer_later;
+        bench->config.machine.set_due = set_due;
+        bench->config.machine.next_answer = next_answer;
+        bench_run(bench);
+        assert_int_equal(script.arrival_ns, (int64_t)((2.0 + share) * (double)TICK));
+        assert_int_equal(script.answered_at_ns, begin_ns + script.delay_ns);
+        assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
+        bench_destroy(bench);
+    }
 }
 
 TEST(a_frame_just_before_the_deadline_waits_for_the_tick)
