@@ -36,6 +36,8 @@ CHECKS = [
           "HIL_FALLS=200 ./dev test ^falls$", 60),
     Check("fuzz", "libFuzzer finds nothing in ten minutes (--short: one) a target",
           "./dev fuzz all 600", "./dev fuzz all 60", 400),
+    Check("imports", "2,000 generated robot files mean here what they mean in MuJoCo 3",
+          "HIL_IMPORTS=2000 ./dev test --strict ^import_generated$", None, 30),
     Check("scenarios", "all scenarios pass, and each of their expectations can fail",
           "build/release/coman-hil test config/scenarios/*.yaml --mutate", None, 60),
     Check("bits-x86", "the runs of the table have the same bits with SSE2, AVX2 and AVX-512, of "

@@ -318,7 +318,7 @@ enum error_code import_plan_buses(const struct robot *robot, struct import_plan 
     if (!code && plan->nbus == 0) {
         return error_set(error, ERROR_INPUT,
                          "found no joint that a drive can turn, expected one: all of its joints "
-                         "are fixed, or slide");
+                         "are fixed, slide, or have no actuator; --drive gives them drives");
     }
     return code ? code : plan_add_sensors(robot, plan, error);
 }

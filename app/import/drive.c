@@ -274,6 +274,12 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
         if (import_takes_cylinder(from, j) || robot_find_coupling(robot, j)) {
             continue;
         }
+        if (source->friction > 0.0 &&
+            (from->drive[j] || joint->type != JOINT_REVOLUTE || is_passive(from, j))) {
+            import_note_add(notes, IMPORT_DROPPED, source->file, source->line,
+                            "dry friction %g of joint \"%.63s\": only assumed drives have it",
+                            source->friction, source->name);
+        }
         joint->torque_limit = strength[j];
         joint->passive =
             (struct robot_passive){.stiffness = source->stiffness, .rest = source->rest};
@@ -300,12 +306,6 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
             source->name, joint->sea.J, source->armature > 0.0 ? " (the file's)" : "",
             joint->sea.Ks, joint->sea.Kt, joint->sea.R, joint->sea.N,
             source->gear > 0.0 ? " (the file's)" : "");
-        if (source->friction > 0.0) {
-            import_note_add(notes, IMPORT_DROPPED, source->file, source->line,
-                            "dry friction %g N m of joint \"%.63s\"; its drive takes it as "
-                            "coulomb_nm",
-                            source->friction, source->name);
-        }
     }
 
     /* Limit the strength of a follower to what its leader can transmit */

@@ -220,19 +220,25 @@ enum error_code import_write_tint(const struct import_mesh *mesh, int tint, cons
 
 /* ---- volume and inertia ---- */
 
-/* Computes a face's corners relative to the apex. Returns the volume of the pyramid from apex to
- * face, m3: with its sign if `exact`, else its magnitude. */
+/* Computes the corners of a face from an apex. Returns the volume of the pyramid between them, m3,
+ * with its sign only if it is exact; for a shell the area of the face, m2. */
 static double pyramid_measure(const struct import_mesh *mesh, size_t face, const double apex[3],
-                              bool exact, double corner[3][3])
+                              enum import_solid solid, double corner[3][3])
 {
-    double across[3], volume;
+    double across[3], edge[2][3], volume;
 
     for (int c = 0; c < 3; c++) {
         vec3_sub(mesh->vertex[mesh->face[face][c]], apex, corner[c]);
     }
+    if (solid == IMPORT_SOLID_SHELL) {
+        vec3_sub(corner[1], corner[0], edge[0]);
+        vec3_sub(corner[2], corner[0], edge[1]);
+        vec3_cross(edge[0], edge[1], across);
+        return 0.5 * vec3_norm(across);
+    }
     vec3_cross(corner[1], corner[2], across);
     volume = vec3_dot(corner[0], across) / 6.0;
-    return exact ? volume : fabs(volume);
+    return solid == IMPORT_SOLID_EXACT ? volume : fabs(volume);
 }
 
 /* Computes the centroid of the surface: the mean of its faces, weighted by their areas. */
@@ -259,20 +265,23 @@ static void mesh_find_middle(const struct import_mesh *mesh, double middle[3])
     }
 }
 
-/* Computes the center of mass of the enclosed volume, m; returns the volume, m3. */
-static double mesh_find_center(const struct import_mesh *mesh, bool exact, double center[3])
+/* Computes the center of mass of the enclosed volume or of the shell, m. Returns the volume, m3, or
+ * the area, m2. */
+static double mesh_find_center(const struct import_mesh *mesh, enum import_solid solid,
+                               double center[3])
 {
+    const double share = solid == IMPORT_SOLID_SHELL ? 1.0 / 3.0 : 0.25;
     double middle[3], sum[3] = {0, 0, 0}, total = 0.0;
 
     mesh_find_middle(mesh, middle);
     for (size_t f = 0; f < mesh->nface; f++) {
-        double corner[3][3], volume = pyramid_measure(mesh, f, middle, exact, corner);
+        double corner[3][3], volume = pyramid_measure(mesh, f, middle, solid, corner);
 
         /* The center of a pyramid is a quarter of the sum of its four corners; the apex is the
-         * origin */
+         * origin. The center of a face is a third of the sum of its own */
         total += volume;
         for (int c = 0; c < 3; c++) {
-            vec3_add_scaled(sum, 0.25 * volume, corner[c], sum);
+            vec3_add_scaled(sum, share * volume, corner[c], sum);
         }
     }
     for (int m = 0; m < 3; m++) {
@@ -281,10 +290,11 @@ static double mesh_find_center(const struct import_mesh *mesh, bool exact, doubl
     return total;
 }
 
-double import_measure_mesh(const struct import_mesh *mesh, bool exact, double center[3],
-                           double I[6])
+double import_measure_mesh(const struct import_mesh *mesh, enum import_solid solid,
+                           double center[3], double I[6])
 {
-    double second[3][3] = {{0}}, trace, total = mesh_find_center(mesh, exact, center), own = 0.0;
+    const double parts = solid == IMPORT_SOLID_SHELL ? 12.0 : 20.0;
+    double second[3][3] = {{0}}, trace, total = mesh_find_center(mesh, solid, center), own = 0.0;
 
     memset(I, 0, 6 * sizeof *I);
     if (!(total > 0.0)) {
@@ -292,9 +302,10 @@ double import_measure_mesh(const struct import_mesh *mesh, bool exact, double ce
     }
 
     /* Second moments about the center: a pyramid with its apex there adds volume / 20 times the sum
-     * of products: of each corner with itself, and of the corners' sum with itself */
+     * of products: of each corner with itself, and of the corners' sum with itself. A face adds
+     * area / 12 times that sum */
     for (size_t f = 0; f < mesh->nface; f++) {
-        double corner[3][3], sum[3], volume = pyramid_measure(mesh, f, center, exact, corner);
+        double corner[3][3], sum[3], volume = pyramid_measure(mesh, f, center, solid, corner);
 
         own += volume;
         for (int m = 0; m < 3; m++) {
@@ -307,7 +318,7 @@ double import_measure_mesh(const struct import_mesh *mesh, bool exact, double ce
                 for (int c = 0; c < 3; c++) {
                     product += corner[c][i] * corner[c][j];
                 }
-                second[i][j] += volume / 20.0 * product;
+                second[i][j] += volume / parts * product;
             }
         }
     }

@@ -65,15 +65,15 @@ enum error_code import_parse_mesh(const char *name, bool is_file, const char *te
                                   const double scale[3], struct arena *arena,
                                   struct import_mesh *mesh, struct error *error);
 
-/* Computes the volume of a mesh, m3, its center of mass, and its inertia about the center of mass
- * for density 1 (xx, xy, xz, yy, yz, zz, m5).
+/* Measures mass and inertia of density 1 of what a mesh encloses.
  *
- * exact: uses signed volumes, which is correct for a closed surface. Otherwise it sums the
- * magnitudes of the pyramids from the center of the surface to the faces. This is exact if all
- * faces are visible from that center, and also works for inverted surfaces and surfaces with holes.
- * Returns 0 if the volume is not positive. Not RT-safe: it visits all faces. */
-double import_measure_mesh(const struct import_mesh *mesh, bool exact, double center[3],
-                           double I[6]);
+ * Exact: signed volumes of pyramids, which is correct for a closed surface. Pyramids: the sum of
+ * their magnitudes, from the center of the surface to the faces, which is exact if all faces are
+ * visible from there. Shell: the faces themselves, of thickness 1. Computes center of mass, m, and
+ * inertia about it (xx, xy, xz, yy, yz, zz), m5 (shell: m4). Returns the volume, m3 (shell: the
+ * area, m2), 0 if it encloses none. Not RT-safe: it visits all faces. */
+double import_measure_mesh(const struct import_mesh *mesh, enum import_solid solid,
+                           double center[3], double I[6]);
 
 /* Writes the mesh as an OBJ file, without colors. */
 enum error_code import_write_mesh(const struct import_mesh *mesh, const char *path,

@@ -27,11 +27,9 @@ const xmlNode *mjcf_next(const struct import_reader *r, const char *section, con
 
 /* ---- settings ---- */
 
-/* Reads one <compiler> element; several ones add up. Adds notes on ignored settings. */
+/* Reads one <compiler> element; several ones add up. */
 static void mjcf_read_compiler(struct import_reader *r, const xmlNode *node)
 {
-    static const char *const unused[] = {"settotalmass", "boundmass", "boundinertia",
-                                         "balanceinertia"};
     const char *angle = xml_attribute(node, "angle"), *seq = xml_attribute(node, "eulerseq");
     const char *limits = xml_attribute(node, "autolimits");
     const char *folder = xml_attribute(node, "meshdir");
@@ -65,22 +63,13 @@ static void mjcf_read_compiler(struct import_reader *r, const xmlNode *node)
     }
     r->exact_meshes = exact ? !strcmp(exact, "true") : r->exact_meshes;
     xml_reals(r->file, node, "inertiagrouprange", 2, r->groups);
-    for (size_t i = 0; i < ARRAY_COUNT(unused); i++) {
-        const char *value = xml_attribute(node, unused[i]);
-
-        if (value && strcmp(value, "false") != 0 && strcmp(value, "0") != 0) {
-            reader_note(r, IMPORT_DROPPED, node, "%s \"%.40s\": masses are the file's", unused[i],
-                        value);
-        }
-    }
 }
 
 /* Refuses an element that generates or loads bodies, which only MuJoCo can expand. Returns whether
  * it is one. */
 static bool mjcf_refuse_unexpanded(const struct import_reader *r, const xmlNode *node)
 {
-    static const char *const name[] = {"frame",     "replicate", "attach",
-                                       "composite", "flexcomp",  NULL};
+    static const char *const name[] = {"replicate", "attach", "composite", "flexcomp", NULL};
     const bool unexpanded = reader_is_one_of(node, name);
 
     if (unexpanded) {
@@ -99,7 +88,7 @@ static void mjcf_check_equality(const struct import_reader *r, const xmlNode *eq
     for (const xmlNode *node = xml_child(equality, NULL); node; node = xml_next(node, NULL)) {
         const char *first = xml_attribute(node, "body1"), *second = xml_attribute(node, "body2");
 
-        if (!xml_is(node, "joint") && !strcmp(reader_text(node, "active"), "false")) {
+        if (!xml_is(node, "joint") && !mjcf_is_active(r, node)) {
             reader_note(r, IMPORT_DROPPED, node, "equality <%.40s>: it is not active",
                         (const char *)node->name);
         } else if (xml_is(node, "connect") || xml_is(node, "weld")) {
@@ -108,28 +97,20 @@ static void mjcf_check_equality(const struct import_reader *r, const xmlNode *eq
                        "expected a tree: loops are not imported; remove it and drive the open tree",
                        (const char *)node->name, reader_text(node, "name"),
                        first ? first : "a site", second ? second : "the world");
-        } else if (!xml_is(node, "joint")) {
-            reader_note(r, IMPORT_DROPPED, node, "equality <%.40s>", (const char *)node->name);
         }
     }
 }
 
-/* Reads the top-level sections except bodies: reads compiler settings, refuses loops, and adds
- * notes on unused sections. */
+/* Reads the top-level sections except bodies: reads compiler settings, and refuses loops. */
 static void mjcf_read_settings(struct import_reader *r)
 {
-    /* Sections that other functions read, or that have no effect on the dynamics */
-    static const char *const known[] = {"asset",  "worldbody", "actuator", "keyframe",
-                                        "visual", "sensor",    "default",  "statistic",
-                                        "size",   "custom",    NULL};
-
     for (const xmlNode *node = xml_child(r->file->root, NULL); node; node = xml_next(node, NULL)) {
         if (xml_is(node, "compiler")) {
             mjcf_read_compiler(r, node);
         } else if (xml_is(node, "equality")) {
             mjcf_check_equality(r, node);
-        } else if (!mjcf_refuse_unexpanded(r, node) && !reader_is_one_of(node, known)) {
-            reader_note(r, IMPORT_DROPPED, node, "section <%.40s>", (const char *)node->name);
+        } else {
+            mjcf_refuse_unexpanded(r, node);
         }
     }
 }
@@ -142,14 +123,34 @@ static void mjcf_find_imu(struct import_reader *r)
          node = mjcf_next(r, "sensor", NULL, node)) {
         const char *site = xml_attribute(node, "site"), *name = xml_attribute(node, "name");
 
-        if (site && !r->imu_site && (xml_is(node, "gyro") || xml_is(node, "accelerometer"))) {
+        if (!xml_is(node, "gyro") && !xml_is(node, "accelerometer")) {
+            continue; /* the report lists it by its kind */
+        }
+        if (site && !r->imu_site) {
             r->imu_site = site;
             r->imu_name = name ? name : site;
-        } else if (!(site && r->imu_site && !strcmp(site, r->imu_site))) {
+        } else if (!site || strcmp(site, r->imu_site) != 0) {
             reader_note(r, IMPORT_DROPPED, node, "sensor <%.40s> \"%.63s\"",
                         (const char *)node->name, name ? name : "");
         }
     }
+}
+
+/* ---- parts of bodies ---- */
+
+/* Iterates over the parts of a body, through its frames. Pass NULL to start. Returns NULL at the
+ * end. */
+static const xmlNode *mjcf_next_part(const xmlNode *body, const xmlNode *after)
+{
+    const xmlNode *next = NULL;
+
+    if (!after || xml_is(after, "frame")) {
+        next = xml_child(after ? after : body, NULL);
+    }
+    for (; after && after != body && !next; after = after->parent) {
+        next = xml_next(after, NULL);
+    }
+    return next;
 }
 
 /* ---- joints ---- */
@@ -197,7 +198,9 @@ static void mjcf_read_joint_numbers(const struct import_reader *r, const xmlNode
 {
     const char *limited = mjcf_attribute(r, node, childclass, "limited");
     const double unit = joint->type == IMPORT_PRISMATIC ? 1.0 : r->angle;
-    double range[2] = {0, 0}, force[2] = {0, 0}, *ref = &r->ref[joint - r->model->joint], length;
+    const size_t own = (size_t)(joint - r->model->joint);
+    double range[2] = {0, 0}, *ref = &r->ref[own], length, axis[3];
+    struct import_place frame;
     bool ranged;
     const struct {
         const char *name;
@@ -206,7 +209,7 @@ static void mjcf_read_joint_numbers(const struct import_reader *r, const xmlNode
     } numbers[] = {{"axis", 3, joint->axis},          {"ref", 1, ref},
                    {"damping", 1, &joint->damping},   {"frictionloss", 1, &joint->friction},
                    {"armature", 1, &joint->armature}, {"stiffness", 1, &joint->stiffness},
-                   {"springref", 1, &joint->rest},    {"actuatorfrcrange", 2, force}};
+                   {"springref", 1, &joint->rest}};
 
     joint->axis[2] = 1.0;
     for (size_t i = 0; i < ARRAY_COUNT(numbers); i++) {
@@ -217,10 +220,18 @@ static void mjcf_read_joint_numbers(const struct import_reader *r, const xmlNode
     if (!(length > 1e-6 && length < 1e6)) {
         xml_refuse(r->file, node, "found an axis of length %g, expected a direction", length);
     }
+    if (mjcf_read_frame(r, node, &frame)) {
+        mat3_apply(frame.R, joint->axis, axis);
+        memcpy(joint->axis, axis, sizeof axis);
+    }
 
     /* Limits apply if the file says so or, with autolimits, if it gives a range */
     *ref *= unit;
-    joint->effort = fmax(fabs(force[0]), fabs(force[1]));
+    r->force[own][0] = -(double)INFINITY;
+    r->force[own][1] = (double)INFINITY;
+    if (mjcf_clamp(r, node, childclass, "actuatorfrc", 1.0, r->force[own])) {
+        joint->effort = fmax(fabs(r->force[own][0]), fabs(r->force[own][1]));
+    }
     joint->has_limit =
         ranged && (limited && strcmp(limited, "auto") ? !strcmp(limited, "true")
                                                       : r->autolimits && range[0] < range[1]);
@@ -287,13 +298,17 @@ static void mjcf_read_joint(struct import_reader *r, const xmlNode *node, struct
 {
     const enum import_joint_type type = mjcf_read_joint_type(r, node, body->childclass);
     const char *name = xml_attribute(node, "name");
-    struct import_place anchor, at;
+    struct import_place anchor, frame, at;
     struct import_joint *joint;
     int link;
 
     import_place_identity(&anchor);
     if (type != IMPORT_FLOATING) {
         mjcf_reals(r, node, body->childclass, "pos", 3, anchor.xyz);
+        if (mjcf_read_frame(r, node, &frame)) {
+            import_place_compose(&frame, &anchor, &at);
+            memcpy(anchor.xyz, at.xyz, sizeof anchor.xyz);
+        }
     }
 
     /* Add the link: the last joint's link has the name of the body, earlier ones have a number */
@@ -354,23 +369,29 @@ static void mjcf_read_inertial(const struct import_reader *r, const xmlNode *nod
 
 /* Reads inertia and geoms of a body into its link, and the site of the inertial sensor. */
 static void mjcf_read_matter(const struct import_reader *r, const xmlNode *node,
-                             const char *childclass, int at)
+                             const char *childclass, int own)
 {
     struct import_model *model = r->model;
-    struct import_link *link = &model->link[at];
-    const xmlNode *inertial = xml_child(node, "inertial");
+    struct import_link *link = &model->link[own];
+    const xmlNode *inertial = NULL, *geom = NULL;
     /* inertiafromgeom applies, but a body with <inertial> and without geoms keeps its own
      * inertia */
-    const bool of_geoms = r->from_geom == MJCF_INERTIA_OF_GEOMS
-                              ? !inertial || xml_child(node, "geom")
-                              : r->from_geom == MJCF_INERTIA_AUTO && !inertial;
+    bool of_geoms;
 
+    for (const xmlNode *at = mjcf_next_part(node, NULL); at; at = mjcf_next_part(node, at)) {
+        inertial = xml_is(at, "inertial") ? at : inertial;
+        geom = xml_is(at, "geom") ? at : geom;
+    }
+    of_geoms = r->from_geom == MJCF_INERTIA_OF_GEOMS
+                   ? !inertial || geom
+                   : r->from_geom == MJCF_INERTIA_AUTO && !inertial;
     if (inertial && !of_geoms) {
         mjcf_read_inertial(r, inertial, link);
     }
-    for (const xmlNode *child = xml_child(node, NULL); child; child = xml_next(child, NULL)) {
+    for (const xmlNode *child = mjcf_next_part(node, NULL); child;
+         child = mjcf_next_part(node, child)) {
         if (xml_is(child, "geom")) {
-            mjcf_read_geom(r, child, childclass, at, of_geoms ? &link->inertia : NULL);
+            mjcf_read_geom(r, child, childclass, own, of_geoms ? &link->inertia : NULL);
         } else if (xml_is(child, "site") && r->imu_site &&
                    !strcmp(reader_text(child, "name"), r->imu_site) && model->nsensor == 0) {
             struct import_sensor *sensor = &model->sensor[model->nsensor++];
@@ -381,6 +402,8 @@ static void mjcf_read_matter(const struct import_reader *r, const xmlNode *node,
                                              .line = xml_line(child),
                                              .link = link->name};
             mjcf_read_place(r, child, childclass, &sensor->place);
+        } else if (xml_is(child, "site")) {
+            reader_skip(r, child, NULL);
         }
     }
     link->has_inertia = link->inertia.mass > 0;
@@ -393,9 +416,12 @@ static void mjcf_read_body(struct import_reader *r, const xmlNode *node, int par
 static void mjcf_read_children(struct import_reader *r, const xmlNode *node, int parent,
                                const char *childclass, int depth)
 {
-    for (const xmlNode *child = xml_child(node, NULL); child; child = xml_next(child, NULL)) {
+    for (const xmlNode *child = mjcf_next_part(node, NULL); child;
+         child = mjcf_next_part(node, child)) {
         if (!mjcf_refuse_unexpanded(r, child) && xml_is(child, "body")) {
             mjcf_read_body(r, child, parent, childclass, depth + 1);
+        } else if (depth == 0 && (xml_is(child, "geom") || xml_is(child, "site"))) {
+            reader_skip(r, child, NULL); /* of the world */
         }
     }
 }
@@ -423,7 +449,8 @@ static void mjcf_read_body(struct import_reader *r, const xmlNode *node, int par
 {
     static const char *const joints[] = {"joint", "freejoint", NULL};
     const char *own = xml_attribute(node, "childclass"), *name = xml_attribute(node, "name");
-    struct mjcf_body body = {.childclass = own ? own : childclass, .node = node, .link = parent};
+    struct mjcf_body body = {
+        .childclass = own ? own : mjcf_class(node, childclass), .node = node, .link = parent};
 
     if (depth > MJCF_DEPTH_MAX) {
         xml_refuse(r->file, node, "found bodies more than %d deep, expected fewer", MJCF_DEPTH_MAX);
@@ -441,10 +468,12 @@ static void mjcf_read_body(struct import_reader *r, const xmlNode *node, int par
     mjcf_read_place(r, node, NULL, &body.place);
 
     /* Counts joints first, because the last one's link has the body's name */
-    for (const xmlNode *joint = xml_child(node, NULL); joint; joint = xml_next(joint, NULL)) {
+    for (const xmlNode *joint = mjcf_next_part(node, NULL); joint;
+         joint = mjcf_next_part(node, joint)) {
         body.left += reader_is_one_of(joint, joints);
     }
-    for (const xmlNode *joint = xml_child(node, NULL); joint; joint = xml_next(joint, NULL)) {
+    for (const xmlNode *joint = mjcf_next_part(node, NULL); joint;
+         joint = mjcf_next_part(node, joint)) {
         if (reader_is_one_of(joint, joints)) {
             mjcf_read_joint(r, joint, &body);
         }
@@ -477,6 +506,7 @@ static void mjcf_make_room(struct import_reader *r)
     }
     reader_make_room(r, links, links, geoms, 1);
     r->ref = reader_alloc(r, links, sizeof *r->ref);
+    r->force = reader_alloc(r, links, sizeof *r->force);
     r->qpos = reader_alloc(r, links, sizeof *r->qpos);
 }
 
@@ -500,6 +530,10 @@ enum error_code mjcf_read(const struct xml_file *file, const struct import_packa
 
     *model = (struct import_model){.file = reader_copy(&r, file->name),
                                    .name = reader_copy(&r, *name ? name : "robot")};
+    r.unread = reader_alloc(&r, 1, sizeof *r.unread);
+    if (!r.unread) {
+        return error->code;
+    }
 
     /* Expand includes first, so that the other steps read one document */
     mjcf_expand_includes(&r);
@@ -511,8 +545,8 @@ enum error_code mjcf_read(const struct xml_file *file, const struct import_packa
     }
 
     /* Bodies need settings and classes; actuators, couplings and keyframes need bodies */
-    mjcf_read_settings(&r);
     mjcf_index(&r);
+    mjcf_read_settings(&r);
     mjcf_make_room(&r);
     mjcf_find_imu(&r);
     if (error->code) {
@@ -526,5 +560,6 @@ enum error_code mjcf_read(const struct xml_file *file, const struct import_packa
     mjcf_read_actuators(&r);
     mjcf_read_couplings(&r);
     mjcf_read_keys(&r);
+    reader_report(&r, mjcf_read_attributes);
     return error->code;
 }

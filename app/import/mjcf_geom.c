@@ -66,7 +66,7 @@ static void solid_take_mesh(const struct import_reader *r, const struct import_g
                !arena_init(&scratch, IMPORT_MESH_ARENA, &why) &&
                !import_read_mesh(path, g->scale, &scratch, &mesh, &why)) {
         /* The mesh is only needed for its integrals, so free its memory immediately */
-        solid->volume = import_measure_mesh(&mesh, g->exact, solid->center, solid->I);
+        solid->volume = import_measure_mesh(&mesh, g->solid, solid->center, solid->I);
     }
     if (why.code) {
         import_error(r->error, g->file, g->line,
@@ -130,14 +130,6 @@ static void geom_add_inertia(const struct import_reader *r, const xmlNode *node,
                    own.mass, solid.volume, shell ? " of a shell" : "");
         return;
     }
-    if (g->shape == IMPORT_MESH && !by_mass && !g->exact) {
-        reader_note(
-            r, IMPORT_ASSUMED, node,
-            "mesh \"%.100s\" weighs %g kg, by its volume; MuJoCo 2.2 takes that of a box of "
-            "its inertia unless exactmeshinertia is \"true\"",
-            g->mesh, own.mass);
-    }
-
     /* Scale the solid of density 1 to the mass, and move it to the geom's pose */
     memcpy(own.com, solid.center, sizeof own.com);
     for (int i = 0; i < 6; i++) {
@@ -167,13 +159,16 @@ static void geom_read_mesh(const struct import_reader *r, const xmlNode *node,
                    "geom instead");
     }
     /* In MuJoCo 3, the mesh gives the method for its inertia */
-    how = reader_text(mesh->node, "inertia");
-    g->exact = *how ? !strcmp(how, "exact") : r->exact_meshes;
-    if (!strcmp(how, "convex") || !strcmp(how, "shell")) {
+    how = mjcf_attribute(r, mesh->node, NULL, "inertia");
+    how = how ? how : r->exact_meshes ? "exact" : "";
+    g->solid = !strcmp(how, "exact")   ? IMPORT_SOLID_EXACT
+               : !strcmp(how, "shell") ? IMPORT_SOLID_SHELL
+                                       : IMPORT_SOLID_PYRAMIDS;
+    if (!strcmp(how, "convex")) {
         reader_note(r, IMPORT_DOUBTED, mesh->node,
-                    "inertia \"%s\" of mesh \"%.63s\" is not computed: it weighs as a solid inside "
-                    "its surface",
-                    how, name);
+                    "inertia \"convex\" of mesh \"%.63s\" is not computed: it weighs as a solid "
+                    "inside its surface",
+                    name);
     }
     file = xml_attribute(mesh->node, "file");
     below = *r->meshdir != '\0' && file[0] != '/';
@@ -199,6 +194,12 @@ static bool geom_read_type(const struct import_reader *r, const xmlNode *node,
         i++;
     }
     g->shape = (enum import_shape)i;
+    if (g->shape != IMPORT_MESH && mjcf_attribute(r, node, childclass, "mesh")) {
+        xml_refuse(r->file, node,
+                   "found a geom of type \"%.40s\" with a mesh, which MuJoCo fits to the mesh, "
+                   "expected type \"mesh\" or a size",
+                   type);
+    }
     if (i == ARRAY_COUNT(words)) {
         reader_note(r, IMPORT_DROPPED, node,
                     "geom of type \"%.40s\": robots here have spheres, boxes, cylinders, capsules, "
@@ -218,15 +219,8 @@ static void geom_read_size(const struct import_reader *r, const xmlNode *node,
 
     mjcf_some_reals(r, node, childclass, "size", 3, size);
     if (g->shape != IMPORT_SPHERE && mjcf_reals(r, node, childclass, "fromto", 6, ends)) {
-        /* Put the geom halfway between the ends, with z from one end to the other. size gives the
-         * half width, the same in x and y */
+        /* The ends give the length. size gives the half width, the same in x and y */
         vec3_sub(ends, ends + 3, along);
-        for (int m = 0; m < 3; m++) {
-            g->place.xyz[m] = 0.5 * (ends[m] + ends[3 + m]);
-        }
-        if (!mjcf_z_to_rotation(along, g->place.R)) {
-            xml_refuse(r->file, node, "found a fromto of length 0, expected two ends");
-        }
         size[1] = round ? 0.5 * vec3_norm(along) : size[0];
         size[2] = 0.5 * vec3_norm(along);
         need = 1;

@@ -3,11 +3,13 @@
  * keyframes. */
 #include "app/import/readers_private.h"
 
+#include "base/array.h"
 #include "base/portable_math.h"
 #include "base/vec3.h"
 
 #include <ctype.h>
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 enum { MJCF_DEFAULTS_MAX = 2048, MJCF_CLASSES_DEEP = 32 };
@@ -73,20 +75,56 @@ void mjcf_index(struct import_reader *r)
     xml_names_sort(&r->materials);
 }
 
+const char *mjcf_class(const xmlNode *node, const char *childclass)
+{
+    const char *found = NULL;
+
+    while (!found && xml_is(node->parent, "frame")) {
+        node = node->parent;
+        found = xml_attribute(node, "childclass");
+    }
+    return found ? found : childclass;
+}
+
+/* Returns an attribute of a class for elements like node; NULL if the class does not have it. All
+ * kinds of actuators share their defaults, and all equalities. Each kind of actuator implies a
+ * bias. */
+static const char *class_attribute(const xmlNode *class, const xmlNode *node, const char *name)
+{
+    static const char *const kinds[] = {"general",     "motor",  "position", "velocity",
+                                        "intvelocity", "damper", "cylinder", "muscle",
+                                        "adhesion",    NULL};
+    const bool actuator = xml_is(node->parent, "actuator");
+    const char *element = xml_is(node->parent, "equality") ? "equality" : (const char *)node->name;
+    const char *text = NULL;
+
+    for (const xmlNode *at = xml_child(class, NULL); at; at = xml_next(at, NULL)) {
+        if (actuator ? reader_is_one_of(at, kinds) : xml_is(at, element)) {
+            const char *found = xml_attribute(at, name);
+
+            if (!found && actuator && !strcmp(name, "biastype") && !xml_is(at, "general")) {
+                found = xml_is(at, "motor") ? "none" : "affine";
+            }
+            text = found ? found : text;
+        }
+    }
+    return text;
+}
+
 const char *mjcf_attribute(const struct import_reader *r, const xmlNode *node,
                            const char *childclass, const char *name)
 {
     const struct xml_name *end = r->classes.entry + r->classes.count;
     const char *text = xml_attribute(node, name), *own = xml_attribute(node, "class");
 
-    own = own ? own : childclass ? childclass : "main";
+    own = own ? own : mjcf_class(node, childclass);
+    own = own ? own : "main";
     for (int depth = 0; !text && own && depth < MJCF_CLASSES_DEEP; depth++) {
         const struct xml_name *class = xml_names_find(&r->classes, own, NULL);
 
         /* Several elements may define a class; the last one that has the attribute counts */
         for (const struct xml_name *at = class; class && at < end && !strcmp(at->name, own); at++) {
-            const xmlNode *element = xml_child(at->node, (const char *)node->name);
-            const char *found = element ? xml_attribute(element, name) : NULL;
+            const char *found = class_attribute(at->node, node, name);
 
             text = found ? found : text;
         }
@@ -164,7 +202,9 @@ static bool axes_to_rotation(const double axes[6], double R[9])
     return isfinite(R[0] + R[4] + R[8]);
 }
 
-bool mjcf_z_to_rotation(const double z[3], double R[9])
+/* Computes the smallest rotation that turns the axis z into a direction, as MuJoCo does. Returns
+ * false for a direction of length 0. */
+static bool z_to_rotation(const double z[3], double R[9])
 {
     const double across = hypot(z[0], z[1]), least = 1e-10 * vec3_norm(z);
     const double axis[3] = {across > least ? -z[1] / across : 1.0,
@@ -174,82 +214,149 @@ bool mjcf_z_to_rotation(const double z[3], double R[9])
     return least > 0.0;
 }
 
+bool mjcf_read_frame(const struct import_reader *r, const xmlNode *node, struct import_place *place)
+{
+    /* MuJoCo does not move <inertial> with a frame */
+    const bool framed = xml_is(node->parent, "frame") && !xml_is(node, "inertial");
+
+    if (framed) {
+        mjcf_read_place(r, node->parent, NULL, place);
+    }
+    return framed;
+}
+
+/* Reads an orientation other than quat. One of the element replaces the others of its class. */
+static bool place_reals(const struct import_reader *r, const xmlNode *node, const char *childclass,
+                        const char *name, size_t count, double *value)
+{
+    static const char *const ways[] = {"axisangle", "euler", "xyaxes", "zaxis"};
+    bool other = false;
+
+    for (size_t i = 0; i < ARRAY_COUNT(ways); i++) {
+        other = other || (strcmp(ways[i], name) != 0 && xml_attribute(node, ways[i]));
+    }
+    return (!other || xml_attribute(node, name)) &&
+           mjcf_reals(r, node, childclass, name, count, value);
+}
+
 void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const char *childclass,
                      struct import_place *place)
 {
-    double value[6];
+    struct import_place frame, own;
+    double value[6], along[3];
     bool sound = true;
 
-    /* Use the first attribute that is given, as MuJoCo does; refuse values that are not
-     * rotations */
+    /* Any other way of turning replaces quat, which may be a class's, as in MuJoCo; refuse values
+     * that are not rotations */
     import_place_identity(place);
     mjcf_reals(r, node, childclass, "pos", 3, place->xyz);
-    if (mjcf_reals(r, node, childclass, "quat", 4, value)) {
-        mat3_from_quaternion(value, place->R);
-        sound = isfinite(place->R[0]);
-    } else if (mjcf_reals(r, node, childclass, "axisangle", 4, value)) {
+    if (mjcf_reals(r, node, childclass, "fromto", 6, value)) {
+        /* The place is halfway between the ends, with z from one end to the other */
+        vec3_sub(value, value + 3, along);
+        for (int m = 0; m < 3; m++) {
+            place->xyz[m] = 0.5 * (value[m] + value[3 + m]);
+        }
+        sound = z_to_rotation(along, place->R);
+    } else if (place_reals(r, node, childclass, "axisangle", 4, value)) {
         double length = vec3_norm(value);
         const double axis[3] = {value[0] / length, value[1] / length, value[2] / length};
 
         mat3_about_axis(axis, value[3] * r->angle, place->R);
         sound = length > 0;
-    } else if (mjcf_reals(r, node, childclass, "euler", 3, value)) {
+    } else if (place_reals(r, node, childclass, "euler", 3, value)) {
         for (int i = 0; i < 3; i++) {
             euler_turn(r->eulerseq[i], value[i] * r->angle, place->R);
         }
-    } else if (mjcf_reals(r, node, childclass, "xyaxes", 6, value)) {
+    } else if (place_reals(r, node, childclass, "xyaxes", 6, value)) {
         sound = axes_to_rotation(value, place->R);
-    } else if (mjcf_reals(r, node, childclass, "zaxis", 3, value)) {
-        sound = mjcf_z_to_rotation(value, place->R);
+    } else if (place_reals(r, node, childclass, "zaxis", 3, value)) {
+        sound = z_to_rotation(value, place->R);
+    } else if (mjcf_reals(r, node, childclass, "quat", 4, value)) {
+        mat3_from_quaternion(value, place->R);
+        sound = isfinite(place->R[0]);
     }
     if (!sound) {
         xml_refuse(r->file, node,
-                   "found an orientation of <%.40s>, expected a quat, axisangle, euler, xyaxes or "
-                   "zaxis that is a rotation",
+                   "found an orientation of <%.40s>, expected a quat, axisangle, euler, xyaxes, "
+                   "zaxis or fromto that is a rotation, and no fromto of length 0",
                    (const char *)node->name);
+    }
+    if (mjcf_read_frame(r, node, &frame)) {
+        own = *place;
+        import_place_compose(&frame, &own, place);
     }
 }
 
 /* ---- actuators and poses ---- */
 
-/* Returns the larger magnitude of an actuator's range; 0 = no limit. */
-static double actuator_limit(const struct import_reader *r, const xmlNode *node, const char *range,
-                             const char *limited)
+bool mjcf_clamp(const struct import_reader *r, const xmlNode *node, const char *childclass,
+                const char *what, double scale, double limit[2])
 {
-    const char *word = mjcf_attribute(r, node, NULL, limited);
-    double value[2] = {0, 0};
-    const bool given = mjcf_reals(r, node, NULL, range, 2, value);
+    char range[32], limited[32];
+    double value[2] = {0, 0}, low, high;
+    const char *word;
+    bool given;
 
-    if (word && strcmp(word, "auto") != 0 ? strcmp(word, "true") != 0 : !given || !r->autolimits) {
-        return 0.0;
+    snprintf(range, sizeof range, "%srange", what);
+    snprintf(limited, sizeof limited, "%slimited", what);
+    given = mjcf_reals(r, node, childclass, range, 2, value);
+    word = mjcf_attribute(r, node, childclass, limited);
+    if (word && strcmp(word, "auto") != 0 ? strcmp(word, "true") != 0
+                                          : !given || !r->autolimits || !(value[0] < value[1])) {
+        return false;
     }
-    return fmax(fabs(value[0]), fabs(value[1]));
+    low = fmin(scale * value[0], scale * value[1]);
+    high = fmax(scale * value[0], scale * value[1]);
+    limit[0] = fmin(fmax(limit[0], low), high);
+    limit[1] = fmin(fmax(limit[1], low), high);
+    return true;
+}
+
+/* Finds the range of an actuator's force. If force is a gain times control or activation, their
+ * range limits it; forcerange limits the force of any actuator. */
+static void actuator_find_range(const struct import_reader *r, const xmlNode *node, double range[2])
+{
+    const bool general = xml_is(node, "general");
+    const char *bias = general ? mjcf_attribute(r, node, NULL, "biastype") : NULL;
+    const char *gain = general ? mjcf_attribute(r, node, NULL, "gaintype") : NULL;
+    const char *type = general ? mjcf_attribute(r, node, NULL, "dyntype") : NULL;
+    double prm[10] = {1.0};
+
+    range[0] = -(double)INFINITY;
+    range[1] = (double)INFINITY;
+    if (general) {
+        mjcf_some_reals(r, node, NULL, "gainprm", 10, prm);
+    }
+    if ((general || xml_is(node, "motor")) && (!bias || !strcmp(bias, "none")) &&
+        (!gain || !strcmp(gain, "fixed"))) {
+        if (type && !strcmp(type, "integrator")) {
+            mjcf_clamp(r, node, NULL, "act", prm[0], range);
+        } else if (!type || !strcmp(type, "none") || !strncmp(type, "filter", 6)) {
+            mjcf_clamp(r, node, NULL, "ctrl", prm[0], range);
+        }
+    }
+    mjcf_clamp(r, node, NULL, "force", 1.0, range);
 }
 
 void mjcf_read_actuators(const struct import_reader *r)
 {
     struct import_model *model = r->model;
-    double *sum = reader_alloc(r, model->njoint + 1, sizeof *sum);
+    double(*sum)[2] = reader_alloc(r, model->njoint + 1, sizeof *sum);
 
     for (const xmlNode *node = mjcf_next(r, "actuator", NULL, NULL); node && sum;
          node = mjcf_next(r, "actuator", NULL, node)) {
         const char *name = xml_attribute(node, "joint");
-        int joint = name ? import_find_joint(model, name) : -1;
-        double gear[6] = {1}, most;
+        double gear[6] = {1}, range[2], low, high;
+        int joint;
 
-        if (joint < 0) {
+        /* For joints of one coordinate, jointinparent means the same */
+        name = name ? name : xml_attribute(node, "jointinparent");
+        joint = name ? import_find_joint(model, name) : -1;
+        if (joint < 0 || model->joint[joint].type == IMPORT_FLOATING) {
             model->drives_others = true;
             reader_note(r, IMPORT_DROPPED, node, "actuator <%.40s>: it drives no joint",
                         (const char *)node->name);
             continue;
-        }
-
-        /* The gear converts the actuator's force to the joint's force; for a motor, control is
-         * force */
-        mjcf_some_reals(r, node, NULL, "gear", 6, gear);
-        most = actuator_limit(r, node, "forcerange", "forcelimited");
-        if (most == 0.0 && xml_is(node, "motor")) {
-            most = actuator_limit(r, node, "ctrlrange", "ctrllimited");
         }
         if (model->joint[joint].driven) {
             reader_note(r, IMPORT_CHANGED, node,
@@ -258,18 +365,36 @@ void mjcf_read_actuators(const struct import_reader *r)
                         name);
         }
 
-        /* Forces of several actuators add up; if one has no limit, the sum has none */
+        /* The gear converts the actuator's force to the joint's force. Forces of several actuators
+         * add up; if one has no limit, the sum has none */
+        mjcf_some_reals(r, node, NULL, "gear", 6, gear);
+        actuator_find_range(r, node, range);
+        low = gear[0] != 0.0 ? gear[0] * range[0] : 0.0;
+        high = gear[0] != 0.0 ? gear[0] * range[1] : 0.0;
         model->joint[joint].driven = true;
-        sum[joint] += most > 0.0 ? most * fabs(gear[0]) : (double)INFINITY;
+        sum[joint][0] += fmin(low, high);
+        sum[joint][1] += fmax(low, high);
     }
     for (size_t j = 0; j < model->njoint && sum; j++) {
         struct import_joint *joint = &model->joint[j];
 
-        if (sum[j] > 0.0 && isfinite(sum[j])) {
-            joint->effort = joint->effort > 0.0 ? fmin(joint->effort, sum[j]) : sum[j];
+        if (joint->driven) {
+            const double *most = r->force[j];
+            const double low = fmin(fmax(sum[j][0], most[0]), most[1]);
+            const double high = fmin(fmax(sum[j][1], most[0]), most[1]);
+            const double effort = fmax(fabs(low), fabs(high));
+
+            joint->effort = isfinite(effort) ? effort : 0.0;
         }
         model->actuated = model->actuated || joint->driven;
     }
+}
+
+bool mjcf_is_active(const struct import_reader *r, const xmlNode *node)
+{
+    const char *active = mjcf_attribute(r, node, NULL, "active");
+
+    return !active || strcmp(active, "false") != 0;
 }
 
 /* Returns the joint in an attribute of an equality; NULL if the attribute is missing. */
@@ -328,7 +453,7 @@ void mjcf_read_couplings(const struct import_reader *r)
         struct import_joint *first, *second;
         double polynomial[5] = {0, 1, 0, 0, 0};
 
-        if (!strcmp(reader_text(node, "active"), "false")) {
+        if (!mjcf_is_active(r, node)) {
             reader_note(r, IMPORT_DROPPED, node, "equality <joint>: it is not active");
             continue;
         }
@@ -356,7 +481,10 @@ static void mjcf_read_key(const struct import_reader *r, const xmlNode *node)
     const char *name = reader_text(node, "name"), *text = xml_attribute(node, "qpos");
     double *qpos = reader_alloc(r, (size_t)r->qpos_count + 1, sizeof *qpos);
 
-    *pose = (struct import_pose){.name = reader_copy(r, *name ? name : "key"),
+    if (!*name) {
+        name = model->npose > 1 ? reader_format(r, "key-%zu", model->npose) : "key";
+    }
+    *pose = (struct import_pose){.name = reader_copy(r, name),
                                  .file = mjcf_file(r, node),
                                  .line = xml_line(node),
                                  .value = reader_alloc(r, model->njoint + 1, sizeof *pose->value)};
@@ -394,3 +522,47 @@ void mjcf_read_keys(const struct import_reader *r)
         mjcf_read_key(r, key);
     }
 }
+
+/* ---- the report ---- */
+
+#define PLACE " pos quat axisangle euler xyaxes zaxis"
+#define ACTUATOR "joint jointinparent gear ctrlrange ctrllimited forcerange forcelimited"
+
+const struct reader_row mjcf_read_attributes[] = {
+    {"mujoco", "model"},
+    {"compiler", "angle eulerseq autolimits inertiafromgeom inertiagrouprange meshdir assetdir "
+                 "coordinate exactmeshinertia"},
+    {"default", ""},
+    {"asset", ""},
+    {"mesh", "file scale inertia refpos refquat"},
+    {"material", "rgba"},
+    {"worldbody", ""},
+    {"body", "childclass" PLACE},
+    {"frame", "childclass" PLACE},
+    {"freejoint", ""},
+    {"joint", "type pos axis range limited ref springref stiffness damping armature frictionloss "
+              "actuatorfrcrange actuatorfrclimited joint1 joint2 polycoef active"},
+    {"inertial", "mass diaginertia fullinertia" PLACE},
+    {"geom", "type size fromto mass density shellinertia group contype conaffinity mesh material "
+             "rgba" PLACE},
+    {"site", "fromto" PLACE},
+    {"equality", "active"},
+    {"connect", NULL},
+    {"weld", NULL},
+    {"actuator", ""},
+    {"motor", ACTUATOR},
+    {"general", ACTUATOR " gaintype gainprm biastype dyntype actrange actlimited"},
+    {"position", ACTUATOR},
+    {"velocity", ACTUATOR},
+    {"intvelocity", ACTUATOR},
+    {"damper", ACTUATOR},
+    {"cylinder", ACTUATOR},
+    {"muscle", NULL},
+    {"adhesion", NULL},
+    {"keyframe", ""},
+    {"key", "qpos"},
+    {"sensor", ""},
+    {"gyro", "site"},
+    {"accelerometer", "site"},
+    {0},
+};

@@ -43,6 +43,9 @@ enum import_shape {
 };
 
 /* A shape for collision, for visuals, or for both. */
+/* How a mesh gives mass and inertia, see import_measure_mesh. */
+enum import_solid { IMPORT_SOLID_PYRAMIDS, IMPORT_SOLID_EXACT, IMPORT_SOLID_SHELL };
+
 struct import_geometry {
     const char *file;
     int line;
@@ -53,7 +56,7 @@ struct import_geometry {
     double half[3];        /* half edge lengths of a box, semi-axes of an ellipsoid, m */
     const char *mesh;      /* file name of the mesh, as in the robot file */
     double scale[3];
-    bool exact; /* compute the inertia from signed volumes, see import_measure_mesh */
+    enum import_solid solid;
     struct import_place place; /* pose in the link */
     bool colored;              /* the file gives a color */
     bool repaints;             /* the file's color overrides the colors of the mesh */

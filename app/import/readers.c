@@ -98,3 +98,81 @@ void reader_check_names(const struct import_reader *r, const char *what)
         }
     }
 }
+
+/* ---- the report ---- */
+
+/* Checks whether a list of words has a word. */
+static bool words_have(const char *words, const char *word)
+{
+    const size_t length = strlen(word);
+    const char *at = strstr(words, word);
+
+    while (at && ((at > words && at[-1] != ' ') || (at[length] && at[length] != ' '))) {
+        at = strstr(at + 1, word);
+    }
+    return at;
+}
+
+void reader_skip(const struct import_reader *r, const xmlNode *node, const char *attribute)
+{
+    struct reader_unread *unread = r->unread;
+    const char *element = (const char *)node->name;
+    size_t i = 0;
+
+    while (i < unread->count &&
+           (strcmp(unread->kind[i].element, element) != 0 ||
+            !unread->kind[i].attribute != !attribute ||
+            (attribute && strcmp(unread->kind[i].attribute, attribute) != 0))) {
+        i++;
+    }
+    if (i == READER_UNREAD_MAX) {
+        i--;
+    } else if (i == unread->count) {
+        unread->kind[i].element = element;
+        unread->kind[i].attribute = attribute;
+        unread->kind[i].first = node;
+        unread->count++;
+    }
+    unread->kind[i].places++;
+}
+
+void reader_report(const struct import_reader *r, const struct reader_row *rows)
+{
+    const xmlNode *root = r->file->root, *node = root;
+
+    while (node && !r->error->code) {
+        const struct reader_row *row = rows;
+        const xmlNode *next = NULL;
+
+        while (row->element && !xml_is(node, row->element)) {
+            row++;
+        }
+        if (!row->element && node != root) {
+            reader_skip(r, node, NULL);
+        }
+        for (const xmlAttr *at = node->properties; at && row->element && row->attributes;
+             at = at->next) {
+            const char *name = (const char *)at->name;
+
+            if (!words_have("name class", name) && !words_have(row->attributes, name)) {
+                reader_skip(r, node, name);
+            }
+        }
+
+        /* Go on below an element whose parts are read, else behind it */
+        if (row->element && row->attributes) {
+            next = xml_child(node, NULL);
+        }
+        for (; node != root && !next; node = node->parent) {
+            next = xml_next(node, NULL);
+        }
+        node = next;
+    }
+    for (size_t i = 0; i < r->unread->count; i++) {
+        const char *attribute = r->unread->kind[i].attribute;
+
+        reader_note(r, IMPORT_DROPPED, r->unread->kind[i].first, "%s%.63s%s<%.63s>: not used (%zu)",
+                    attribute ? "\"" : "", attribute ? attribute : "", attribute ? "\" of " : "",
+                    r->unread->kind[i].element, r->unread->kind[i].places);
+    }
+}

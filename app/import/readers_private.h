@@ -14,6 +14,18 @@ enum { MJCF_DEPTH_MAX = 200 };
  * them. */
 enum mjcf_inertia { MJCF_INERTIA_AUTO, MJCF_INERTIA_OF_BODY, MJCF_INERTIA_OF_GEOMS };
 
+enum { READER_UNREAD_MAX = 256 };
+
+/* The kinds of elements, and of attributes of elements, that a reader does not use. */
+struct reader_unread {
+    struct {
+        const char *element, *attribute; /* attribute NULL = the element */
+        const xmlNode *first;
+        size_t places;
+    } kind[READER_UNREAD_MAX];
+    size_t count;
+};
+
 /* A robot file during reading. */
 struct import_reader {
     const struct xml_file *file;
@@ -22,6 +34,7 @@ struct import_reader {
     struct import_model *model;
     struct import_notes *notes;
     struct error *error;
+    struct reader_unread *unread;
     struct xml_names materials; /* materials with a color */
 
     /* Settings and lists of an MJCF */
@@ -33,9 +46,10 @@ struct import_reader {
     double groups[2];    /* range of geom groups that add to inertia */
     const char *meshdir; /* "" = the file's folder */
     const char *imu_site, *imu_name;
-    double *ref;    /* by joint: MuJoCo's position in the pose of the file */
-    int *qpos;      /* by joint: index of its first coordinate in qpos */
-    int qpos_count; /* number of coordinates of the joints read so far */
+    double *ref;        /* by joint: MuJoCo's position in the pose of the file */
+    double (*force)[2]; /* by joint: range of the sum of its actuators, N m or N */
+    int *qpos;          /* by joint: index of its first coordinate in qpos */
+    int qpos_count;     /* number of coordinates of the joints read so far */
 };
 
 /* Adds a note at a node. */
@@ -60,6 +74,20 @@ bool reader_is_one_of(const xmlNode *node, const char *const name[]);
 void reader_make_room(const struct import_reader *r, size_t links, size_t joints, size_t shapes,
                       size_t sensors);
 
+/* The attributes of an element that a reader uses. NULL: the element has notes of its own. */
+struct reader_row {
+    const char *element, *attributes;
+};
+
+/* Counts one more place of an element, or of its attribute, that the reader does not use. Kinds
+ * beyond the limit count as the last one. */
+void reader_skip(const struct import_reader *r, const xmlNode *node, const char *attribute);
+
+/* Counts elements and attributes that have no row in a table, which ends with {0}. Then adds a note
+ * for each kind that was counted. */
+void reader_report(const struct import_reader *r, const struct reader_row *rows);
+extern const struct reader_row mjcf_read_attributes[];
+
 /* Refuses links or joints that share a name. `what` is the file's word for a link. */
 void reader_check_names(const struct import_reader *r, const char *what);
 
@@ -79,6 +107,21 @@ void mjcf_expand_includes(const struct import_reader *r);
 /* Lists default classes, meshes and materials by name. */
 void mjcf_index(struct import_reader *r);
 
+/* Returns the class of elements without one at this node: the nearest frame's, else childclass. */
+const char *mjcf_class(const xmlNode *node, const char *childclass);
+
+/* Reads the place of the frames around a node in its body. Returns false if it is in none. */
+bool mjcf_read_frame(const struct import_reader *r, const xmlNode *node,
+                     struct import_place *place);
+
+/* Checks whether an equality is active. */
+bool mjcf_is_active(const struct import_reader *r, const xmlNode *node);
+
+/* Clamps limit to scale times the range in attribute WHATrange, if WHATlimited or autolimits says
+ * so. Returns whether it says so. */
+bool mjcf_clamp(const struct import_reader *r, const xmlNode *node, const char *childclass,
+                const char *what, double scale, double limit[2]);
+
 /* Returns an attribute of the element, else of its class or an enclosing class; NULL if none has
  * it. */
 const char *mjcf_attribute(const struct import_reader *r, const xmlNode *node,
@@ -92,13 +135,10 @@ bool mjcf_reals(const struct import_reader *r, const xmlNode *node, const char *
 void mjcf_some_reals(const struct import_reader *r, const xmlNode *node, const char *childclass,
                      const char *name, size_t most, double *value);
 
-/* Reads the pose given by pos and one of quat, axisangle, euler, xyaxes, zaxis. */
+/* Reads the pose in the body: by fromto, or by pos and one of quat, axisangle, euler, xyaxes,
+ * zaxis. */
 void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const char *childclass,
                      struct import_place *place);
-
-/* Computes the smallest rotation that turns the axis z into a direction, as MuJoCo does. Returns
- * false for a direction of length 0. */
-bool mjcf_z_to_rotation(const double z[3], double R[9]);
 
 /* Adds a geom to a link, and its mass to a body without its own inertia. NULL = add no mass. */
 void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, const char *childclass,

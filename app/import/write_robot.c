@@ -92,8 +92,9 @@ static void write_inertia(FILE *out, const struct robot_inertia *inertia, const 
 }
 
 /* Writes a drive. A catalogue drive is written as its file name, with the triangle if it is
- * hydraulic. An assumed drive is written as its numbers. */
-static void write_drive(FILE *out, const struct robot_joint *joint, const char *file)
+ * hydraulic. An assumed drive is written as its numbers, with the joint's friction, N m. */
+static void write_drive(FILE *out, const struct robot_joint *joint, const char *file,
+                        double friction)
 {
     const struct robot_hydraulic *cylinder = &joint->hydraulic;
     const struct robot_sea *sea = &joint->sea;
@@ -112,6 +113,9 @@ static void write_drive(FILE *out, const struct robot_joint *joint, const char *
                 "      Ds_nm_s_rad: %.6g\n      N: %.6g\n      NKt_nm_a: %.6g\n"
                 "      NKw_v_s_rad: %.6g\n      R_ohm: %.6g\n      L_h: %.6g\n",
                 sea->J, sea->Dm, sea->Ks, sea->Ds, sea->N, sea->Kt, sea->Kw, sea->R, sea->L);
+        if (friction > 0.0) {
+            fprintf(out, "      coulomb_nm: %.6g\n", friction);
+        }
     }
 }
 
@@ -136,7 +140,7 @@ static void write_joint(FILE *out, const struct import_robot *from, size_t j)
     if (from->source[j]->type == IMPORT_CONTINUOUS) {
         fputs("    stops: {enabled: false}\n", out);
     }
-    write_drive(out, joint, from->drive_file[j]);
+    write_drive(out, joint, from->drive_file[j], from->source[j]->friction);
     if (passive_is_present(passive)) {
         fprintf(out, "    passive: {%s: %s, %s: %s, %s: %s}\n",
                 turns ? "stiffness_nm_rad" : "stiffness_n_m", write_real(passive->stiffness).text,

@@ -7,3 +7,12 @@ if(MUJOCO_LIBRARY AND MUJOCO_INCLUDE)
              ${MUJOCO_LIBRARY} LABELS physics)
     target_include_directories(test_import_mujoco SYSTEM PRIVATE ${MUJOCO_INCLUDE})
 endif()
+
+# The importer beside MuJoCo 3 of npm, with files that a generator writes
+if(NOT HIL_SANITIZE)
+    add_executable(test_import_dump physics/import_dump.c)
+    target_link_libraries(test_import_dump PRIVATE import PkgConfig::LIBXML2)
+    hil_script_test(import_generated LABELS physics TIMEOUT 240
+        COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/physics/generated/run.sh
+                $<TARGET_FILE:test_import_dump>)
+endif()

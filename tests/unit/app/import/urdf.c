@@ -550,7 +550,7 @@ TEST_WITH(mjcf_that_is_no_plain_tree_is_refused, open_default, close_arena)
          "x.urdf:4: ", "\"a\" and \"the world\""},
         {MJCF("", "<joint type='ball'/>", ""), "x.urdf:4: ", "three hinges for a ball"},
         {MJCF("<include file='/etc/passwd'/>", "<joint/>", ""), "x.urdf:2: ", "without a folder"},
-        {MJCF("", "<frame><body/></frame>", ""), "x.urdf:4: ", "found <frame>"},
+        {MJCF("", "<replicate><body/></replicate>", ""), "x.urdf:4: ", "found <replicate>"},
         {MJCF("<compiler coordinate='global'/>", "<joint/>", ""), "x.urdf:2: ", "coordinate"},
         {MJCF("<compiler eulerseq='xyq'/>", "<joint/>", ""), "x.urdf:2: ", "eulerseq"},
         {MJCF("", "<joint/><body name='a'/>", ""), "x.urdf:4: ", "found body \"a\" again"},
