@@ -137,15 +137,18 @@ static enum error_code yaml_read_int(struct yaml_reader *r, const struct yaml_fi
     return ERROR_NONE;
 }
 
-/* Reads a finite number. */
+/* Reads a finite number, or a hexadecimal integer. */
 static enum error_code yaml_read_real(struct yaml_reader *r, const struct yaml_field *field,
                                       struct yaml_node *node, void *out)
 {
     char expected[96];
-    double value;
+    int64_t whole = 0;
+    bool hex = node->kind == YAML_KIND_SCALAR && strncmp(node->text, "0x", 2) == 0 &&
+               text_to_int(node->text, INT64_MIN, INT64_MAX, &whole);
+    double value = (double)whole;
 
     if (node->kind != YAML_KIND_SCALAR || (node->quoted && !r->quoted_values) ||
-        !text_to_double(node->text, &value) || !yaml_in_range(field, value)) {
+        (!hex && !text_to_double(node->text, &value)) || !yaml_in_range(field, value)) {
         yaml_describe_range("a number", field, expected, sizeof expected);
         return yaml_unexpected(r, node, expected);
     }

@@ -58,7 +58,7 @@ struct boards_bus_config {
     const struct described_protocol *described;
 };
 
-enum { BOARD_AXES_MAX = 4, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };
+enum { BOARD_AXES_MAX = 4, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64, BOARD_ADDRESS_MAX = 254 };
 
 /* Time from a restart until a board answers, unless the rig has boot_s. A client that resets a node
  * has time to listen for its boot-up. */
@@ -123,6 +123,7 @@ struct board_axis_config {
 
 struct board_config {
     const char *name; /* also the board's initial additional information */
+    uint8_t model;    /* described: index of the drive's model in the protocol */
     enum board_kind kind;
     int bus; /* index of the bus */
     /* icub 1-14; foc motors 1-4, others 1-14; compact, cia402, described 1-31 */

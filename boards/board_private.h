@@ -97,13 +97,14 @@ struct queued_reply {
     uint8_t data[64];
 };
 
-enum { BOARD_ADDRESSES = 32 }; /* number of addresses, for any protocol; [0] is the host */
+enum { BOARD_ADDRESSES = BOARD_ADDRESS_MAX + 1 }; /* for any protocol; [0] is the host */
 
 /* Common part of a bus: first member of each protocol's bus structure. */
 struct board_bus {
     const struct board_bus_ops *ops;
     struct boards_bus_config config;
     struct board *by_address[BOARD_ADDRESSES];
+    unsigned address_end;         /* addresses from this one on have no board */
     uint16_t nodes;               /* number of boards; each board is a CAN node */
     struct queued_reply *replies; /* circular queue, by due_ns */
     struct board_reply_time reply;
@@ -112,6 +113,13 @@ struct board_bus {
     size_t can_errors; /* number of boards with CAN errors */
     int64_t sent_ms;   /* boards_transmit has sent the periodic frames before this millisecond */
 };
+
+/* Puts a board at an address of its bus. */
+static inline void board_bus_place(struct board_bus *bus, unsigned address, struct board *board)
+{
+    bus->by_address[address] = board;
+    bus->address_end = bus->address_end > address ? bus->address_end : address + 1;
+}
 
 /* Common part of a board: first member of each protocol's board structure. */
 struct board {

@@ -395,7 +395,7 @@ static bool boards_make_board(struct boards *boards, size_t index,
     }
     board->address = config->address;
     board->node = bus->nodes++;
-    bus->by_address[board->address] = board;
+    board_bus_place(bus, board->address, board);
     bus->capacity += BOARD_REPLIES_MAX;
     bus->transmit_max += BOARD_REPLIES_MAX + board->ops->periodic_max;
     if (bus->ops->add_board) {
@@ -644,7 +644,7 @@ bool board_set_address(struct board *board, uint8_t address)
     }
     board_event(board, BOARD_EVENT_ADDRESS, 0, board->address, address);
     bus->by_address[board->address] = NULL;
-    bus->by_address[address] = board;
+    board_bus_place(bus, address, board);
     board->address = address;
     return true;
 }
@@ -956,7 +956,7 @@ size_t boards_transmit_periodic(struct boards *boards, int64_t now_ns, size_t bu
 
     boards->event_ns = boards->now_ns = now_ns;
     bus->sent_ms = span.to;
-    for (struct board **board = &bus->by_address[1]; board < &bus->by_address[BOARD_ADDRESSES];
+    for (struct board **board = &bus->by_address[1]; board < &bus->by_address[bus->address_end];
          board++) {
         if (*board && !board_is_deaf(*board)) {
             board_transmit(*board, span, &sink);

@@ -57,13 +57,10 @@ static enum error_code board_check_keys(struct rig_builder *b, const struct raw_
     const unsigned motor = 1 << BOARD_MOTOR, ft = 1 << BOARD_FT, torque = 1 << BOARD_TORQUE;
     const unsigned inertial = 1 << BOARD_INERTIAL;
     const struct rig_key keys[] = {
-        {"axes", motor, motor},
-        {"current_limit_a", motor, 0},
-        {"joints", torque, torque},
-        {"sensor", ft, ft},
-        {"full_scale_n", ft, ft},
-        {"full_scale_nm", ft, ft},
-        {"period_s", ft | torque | inertial, 0},
+        {"axes", motor, motor},    {"current_limit_a", motor, 0},
+        {"model", motor, 0},       {"joints", torque, torque},
+        {"sensor", ft, ft},        {"full_scale_n", ft, ft},
+        {"full_scale_nm", ft, ft}, {"period_s", ft | torque | inertial, 0},
     };
 
     return rig_check_keys(b, &raw->mark, what[raw->board.kind], raw->board.kind, keys,
@@ -388,9 +385,9 @@ static enum error_code board_check_address(struct rig_builder *b, const struct r
 }
 
 /* Checks a board of a described protocol: its address, its number of axes, and whether the protocol
- * has frames for this kind of board. */
+ * has frames for this kind of board. Finds the model of its drive. */
 static enum error_code board_check_described(struct rig_builder *b, const struct raw_board *raw,
-                                             const struct described_protocol *protocol)
+                                             const struct described_protocol *protocol, int *model)
 {
     static const unsigned kinds[] = {[BOARD_MOTOR] = DESCRIBED_MOTOR,
                                      [BOARD_FT] = DESCRIBED_FT,
@@ -407,6 +404,12 @@ static enum error_code board_check_described(struct rig_builder *b, const struct
         return yaml_error(b->error, yaml_place(&raw->mark, "axes"),
                           "found %zu axes, expected at most %u with protocol %s", raw->naxis,
                           protocol->axes, protocol->name);
+    }
+    *model = 0;
+    if (raw->model &&
+        yaml_find_name(YAML_NAMES(protocol->model, protocol->nmodel, name), "model", raw->model,
+                       yaml_place(&raw->mark, "model"), model, b->error)) {
+        return ERROR_INPUT;
     }
     for (size_t i = 0; i < protocol->nframe; i++) {
         known = known ||
@@ -428,11 +431,17 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     enum error_code code = board_check_keys(b, raw);
     struct raw_board merged;
     char name[80];
+    int model = 0;
 
     code = code ? code : board_check_address(b, raw, protocol);
     code = code ? code : board_check_external(b, raw, protocol);
     if (!code && b->bus[bus].described) {
-        code = board_check_described(b, raw, b->bus[bus].described);
+        code = board_check_described(b, raw, b->bus[bus].described, &model);
+    } else if (!code && raw->model) {
+        code = yaml_error(b->error, yaml_place(&raw->mark, "model"),
+                          "found a model on a bus with protocol %s, expected a protocol of a file "
+                          "with models",
+                          protocol->name);
     }
     if (code) {
         return code;
@@ -455,6 +464,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     snprintf(name, sizeof name, "%.60s/0x%02x", raw_bus->bus.name, (unsigned)raw->address);
     board->name = raw->board.name ? raw->board.name : arena_strdup(b->arena, name);
     board->bus = bus;
+    board->model = (uint8_t)model;
     board->address = (uint8_t)raw->address;
     /* Without boot_s the boards are ready when the run starts */
     board->restart_ns = board->boot_ns < 0 ? BOARD_RESTART_NS : board->boot_ns;
@@ -636,9 +646,9 @@ static enum error_code rig_load_protocol(struct rig_builder *b, const struct raw
             return rig_check_format(b, raw, bus->described);
         }
     }
-    code = text ? described_read_text(bus->protocol->name, text, strlen(text), b->arena,
+    code = text ? described_read_text(bus->protocol->name, text, strlen(text), bus->fd, b->arena,
                                       &bus->described, b->error)
-                : described_load(path, b->arena, &bus->described, b->error);
+                : described_load(path, bus->fd, b->arena, &bus->described, b->error);
     code = path ? rig_place_file(b, mark, path, code) : code;
     return code ? code : rig_check_format(b, raw, bus->described);
 }

@@ -31,8 +31,35 @@ static void table_put_states(const char *key, const struct described_state *stat
     fprintf(out, "],\n ");
 }
 
+/* Writes a field: its meaning, its bits, and its scale and range, by model if these differ. */
+static void table_put_field(const struct described_protocol *p, const struct described_frame *frame,
+                            size_t i, FILE *out)
+{
+    const struct described_field *f = &frame->field[i];
+
+    fprintf(out,
+            "%s\n   {\"name\": \"%s\", \"meaning\": \"%s\", \"byte\": %d, \"shift\": %d, \"mask\": "
+            "%" PRIu64 ", \"sign\": %" PRIu64
+            ", \"end\": %d, \"in_id\": %d, \"big\": %d, \"real\": %d, "
+            "\"scale\": %.17g, \"offset\": %.17g, \"low\": %" PRId64 ", \"high\": %" PRId64
+            ", \"constant\": %" PRId64 ", \"host\": %.17g, \"axis\": %d",
+            i ? "," : "", described_layout(frame, i)->name,
+            described_meaning_name(f->meaning, frame->from_host), f->byte, f->shift, f->mask,
+            f->sign, f->end, f->in_id, f->big_endian, f->real, f->scale, f->offset, f->low, f->high,
+            f->constant, f->host, f->axis);
+    /* Scale and offset by model, in place of those above */
+    fputs(f->times < 0 ? "" : ", \"models\": [", out);
+    for (size_t m = 0; f->times >= 0 && m < p->nmodel; m++) {
+        const struct described_field scaled = described_model_field(p, (unsigned)m, f);
+
+        fprintf(out, "%s[%.17g, %.17g]", m ? ", " : "", scaled.scale, scaled.offset);
+    }
+    fputs(f->times < 0 ? "}" : "]}", out);
+}
+
 /* Writes a frame with its fields. */
-static void table_put_frame(const struct described_frame *frame, FILE *out)
+static void table_put_frame(const struct described_protocol *p, const struct described_frame *frame,
+                            FILE *out)
 {
     static const char *const by[] = {"none", "address", "slot", "group"};
 
@@ -47,20 +74,7 @@ static void table_put_frame(const struct described_frame *frame, FILE *out)
             !!(frame->flags & FRAME_FD), frame->length, frame->repeats, frame->of, frame->of_one,
             frame->checksum, frame->checksum_byte);
     for (size_t i = 0; i < frame->nfield; i++) {
-        const struct described_field *f = &frame->field[i];
-
-        /* Write a field: its meaning, its bits, and its scale and range */
-        fprintf(
-            out,
-            "%s\n   {\"name\": \"%s\", \"meaning\": \"%s\", \"byte\": %d, \"shift\": %d, \"mask\": "
-            "%" PRIu64 ", \"sign\": %" PRIu64
-            ", \"end\": %d, \"in_id\": %d, \"big\": %d, \"real\": %d, "
-            "\"scale\": %.17g, \"offset\": %.17g, \"low\": %" PRId64 ", \"high\": %" PRId64
-            ", \"constant\": %" PRId64 ", \"host\": %.17g, \"axis\": %d}",
-            i ? "," : "", described_layout(frame, i)->name,
-            described_meaning_name(f->meaning, frame->from_host), f->byte, f->shift, f->mask,
-            f->sign, f->end, f->in_id, f->big_endian, f->real, f->scale, f->offset, f->low, f->high,
-            f->constant, f->host, f->axis);
+        table_put_field(p, frame, i, out);
     }
     fputs("]}", out);
 }
@@ -81,7 +95,8 @@ static void table_put_boards(const struct rig *rig, size_t bus, FILE *out)
         while (axes > 0 && board->axis[axes - 1].joint < 0) {
             axes--;
         }
-        fprintf(out, "%s{\"address\": %d, \"of\": %d, \"joints\": [", separator, board->address,
+        fprintf(out, "%s{\"address\": %d, \"model\": %d, \"of\": %d, \"joints\": [", separator,
+                board->address, board->model,
                 board->kind == BOARD_MOTOR      ? DESCRIBED_MOTOR
                 : board->kind == BOARD_INERTIAL ? DESCRIBED_INERTIAL
                                                 : DESCRIBED_FT);
@@ -122,7 +137,7 @@ void rig_client_table(const struct rig *rig, size_t bus, FILE *out)
     fputs("\"frames\": [", out);
     for (size_t i = 0; i < p->nframe; i++) {
         fputs(i ? ",\n  " : "\n  ", out);
-        table_put_frame(&p->frame[i], out);
+        table_put_frame(p, &p->frame[i], out);
     }
     fputs("]}\n", out);
 }

@@ -40,7 +40,7 @@ static bool messages_collide(const struct message *x, const struct message *y)
         return described_find_field(a, DESCRIBED_ADDRESS) < 0 ||
                described_find_field(b, DESCRIBED_ADDRESS) < 0;
     }
-    return a <= b ? !described_told_apart(a, b) : !described_told_apart(b, a);
+    return a->index <= b->index ? !described_told_apart(a, b) : !described_told_apart(b, a);
 }
 
 /* Returns the place of a board's address in the rig file. Without a board, returns the place of the

@@ -148,6 +148,7 @@ static enum error_code rig_build_host_axis(struct rig_builder *b, const struct b
         .joint = joint->name,
         .bus = board->bus,
         .address = board->address,
+        .model = board->model,
         .axis = index,
         .joint_ticks_per_rad = from->joint_ticks_per_rad,
         .motor_ticks_per_rad = from->motor_ticks_per_rad,

@@ -182,7 +182,8 @@ static const struct yaml_schema scene_schema =
 static const struct yaml_field board_fields[] = {
     YAML_TEXT("name", false, raw_board, board.name, 1, 63),
     {"kind", YAML_ENUM, true, AT(raw_board, board.kind), .names = kind_names},
-    {"address", YAML_INT, true, AT(raw_board, address), .min = 1, .max = 31},
+    {"address", YAML_INT, true, AT(raw_board, address), .min = 1, .max = BOARD_ADDRESS_MAX},
+    {"model", YAML_STRING, false, .offset = AT(raw_board, model)},
     {"axes", YAML_NAME_LIST, false, .offset = AT(raw_board, axis),
      .count_offset = AT(raw_board, naxis)},
     YAML_NUMBER("current_limit_a", false, raw_board, current_limit_a, DBL_MIN, 1e3),

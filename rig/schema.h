@@ -93,6 +93,7 @@ struct raw_board {
     struct yaml_mark mark;
     struct board_config board;
     int64_t address;
+    const char *model;      /* only of a described protocol */
     struct yaml_name *axis; /* only for BOARD_MOTOR */
     size_t naxis;
     double current_limit_a;

@@ -17,6 +17,8 @@
 #include <math.h>
 #include <string.h>
 
+enum { CIA402_NODES = CIA402_NODE_MAX + 1 };
+
 enum { NODE_ID_MASK = 0x7f, SYNCS_MAX = 240 };
 
 /* minimum time between SYNCs, so that each period has only one */
@@ -157,11 +159,11 @@ static void host_cia402_read_sdo(struct host *host, size_t bus, struct host_node
 static void host_cia402_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     unsigned id = frame->id & NODE_ID_MASK, function = frame->id & ~(unsigned)NODE_ID_MASK;
-    struct host_node *node = id < HOST_ADDRESSES ? &host->line[bus].node[id] : NULL;
+    struct host_node *node = id < CIA402_NODES ? &host->line[bus].node[id] : NULL;
     bool gone;
 
     /* Statuswords have separate identifiers, above the identifiers of the first TPDOs */
-    if (id >= 0x40 && id - 0x40 < HOST_ADDRESSES && function == CIA402_TPDO) {
+    if (id >= 0x40 && id - 0x40 < CIA402_NODES && function == CIA402_TPDO) {
         node = &host->line[bus].node[id - 0x40];
         if (node->kind == HOST_MOTOR_BOARD) {
             /* Read the statuswords of a motor board, one per axis, and set the states of its
@@ -225,7 +227,7 @@ static void host_cia402_discover(struct host *host, size_t bus)
 
     host_cia402_queue(host, bus, CIA402_NMT, sizeof reset, reset);
     put_u16_le(data + 1, CIA402_O_DEVICE_TYPE);
-    for (unsigned id = 1; id < HOST_ADDRESSES; id++) {
+    for (unsigned id = 1; id < CIA402_NODES; id++) {
         const struct host_node *node = &host->line[bus].node[id];
 
         if (node->kind != HOST_NO_BOARD && !node->found) {
@@ -416,7 +418,7 @@ static void host_cia402_end_period(struct host *host, size_t bus)
         return;
     }
     line->targets_due_ns = host->now_ns + SYNC_APART_NS;
-    for (unsigned id = 1; id < HOST_ADDRESSES; id++) {
+    for (unsigned id = 1; id < CIA402_NODES; id++) {
         const struct host_node *node = &line->node[id];
         unsigned axes = host_cia402_axes(node);
         uint8_t data[8] = {0};

@@ -114,11 +114,17 @@ static int64_t described_letter_count(const struct host *host,
                                       const struct described_letter *letter, size_t i)
 {
     const struct described_field *field = &letter->row->field[i];
+    struct described_field scaled;
     /* Use the axis of the frame; in a frame for a whole board, the axis of the field */
     int axis =
         letter->row->of_one || !letter->node ? letter->axis : letter->node->axis[field->axis];
     const struct described_state *state = &protocol->state[protocol->host.on_state];
 
+    if (field->times >= 0) {
+        scaled =
+            described_model_field(protocol, axis < 0 ? 0 : host->config.axis[axis].model, field);
+        field = &scaled;
+    }
     switch (field->meaning) {
     /* Fields that identify the frame: constants, selections, addresses, states */
     case DESCRIBED_CONSTANT:
@@ -483,7 +489,9 @@ static void described_read_motor_field(struct host *host, const struct described
     unsigned k = (unsigned)news->axis + of->axis;
     int axis = k < HOST_AXES ? news->node->axis[k] : -1;
     struct host_joint *joint = &host->joint[axis];
-    double value = described_value(of, count);
+    const struct described_field scaled =
+        described_model_field(protocol, axis < 0 ? 0 : host->config.axis[axis].model, of);
+    double value = described_value(&scaled, count);
     bool tells_speed = protocol->tells[DESCRIBED_MOTOR_VELOCITY];
 
     if (axis < 0) {

@@ -13,12 +13,12 @@
 #define HOST_MS INT64_C(1000000) /* nanoseconds */
 
 enum {
-    HOST_ADDRESSES = 32, /* 0 to 31; each protocol has its own maximum */
-    HOST_AXES = 4,       /* maximum number of axes of a motor board */
-    HOST_SLOTS = 32,     /* slots of a bus, if its protocol addresses set points by slot */
-    HOST_ROWS = 64,      /* frames of a described protocol */
-    HOST_CHANNELS = 6,   /* channels of a force-torque or torque board */
-    HOST_QUEUE = 96,     /* maximum number of frames to one bus in one period */
+    HOST_ADDRESSES = 255, /* 0 to 254; each protocol has its own maximum */
+    HOST_AXES = 4,        /* maximum number of axes of a motor board */
+    HOST_SLOTS = 32,      /* slots of a bus, if its protocol addresses set points by slot */
+    HOST_ROWS = 64,       /* frames of a described protocol */
+    HOST_CHANNELS = 6,    /* channels of a force-torque or torque board */
+    HOST_QUEUE = 96,      /* maximum number of frames to one bus in one period */
 };
 
 enum host_kind {
@@ -70,10 +70,10 @@ struct host_line {
     bool driving;         /* motors are on: set points are sent every period */
     int slot[HOST_SLOTS]; /* host axes of the bus in the rig's order; -1 = none */
     unsigned slots;
-    uint32_t slots_on, slots_off; /* slots switched in this period */
-    uint32_t (*sent)[HOST_SLOTS]; /* described: counters of frames, by row and number */
-    int64_t targets_due_ns;       /* foc, cia402: time of the next set points */
-    int64_t round_trip_ns;        /* shortest time from a request to its answer; 0 = none yet */
+    uint32_t slots_on, slots_off;     /* slots switched in this period */
+    uint32_t (*sent)[HOST_ADDRESSES]; /* described: counters of frames, by row and number */
+    int64_t targets_due_ns;           /* foc, cia402: time of the next set points */
+    int64_t round_trip_ns;            /* shortest time from a request to its answer; 0 = none yet */
 };
 
 struct host {

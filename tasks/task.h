@@ -34,7 +34,7 @@ struct host_drive {
 struct host_axis {
     const char *joint;
     int bus;
-    uint8_t address, axis;
+    uint8_t address, axis, model; /* model: described, of the drive */
     double joint_ticks_per_rad, motor_ticks_per_rad;
     int torque_address, torque_channel; /* pseudo-STRAIN, -1 = none */
     double torque_full_scale_nm;

@@ -18,7 +18,7 @@ static inline const struct described_protocol *protocol_file(const char *name)
 
     snprintf(path, sizeof path, "%s/config/protocols/%s.yaml", HIL_SOURCE_DIR, name);
     if ((!arena.memory && arena_init(&arena, 64u << 20, &error)) ||
-        described_load(path, &arena, &protocol, &error)) {
+        described_load(path, false, &arena, &protocol, &error)) {
         fail_msg("%s", error.text);
     }
     return protocol;

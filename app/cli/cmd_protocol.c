@@ -319,7 +319,7 @@ static enum error_code print_described(const char *name, struct error *error)
     enum error_code code = config_locate(CONFIG_PROTOCOL, name, path, error);
 
     code = code ? code : arena_init(&arena, MEMORY, error);
-    code = code ? code : described_load(path, &arena, &protocol, error);
+    code = code ? code : described_load(path, false, &arena, &protocol, error);
     if (!code) {
         const struct described_protocol *described = protocol;
         const struct boards_bus_config bus = {.protocol = &protocol_described,

@@ -28,7 +28,7 @@ static enum error_code boards_read_file(const char *path, struct arena *arena,
                                         struct import_boards *boards, struct error *error)
 {
     const struct described_protocol *protocol;
-    enum error_code code = described_load(path, arena, &protocol, error);
+    enum error_code code = described_load(path, false, arena, &protocol, error);
 
     for (size_t i = 0; !code && i < protocol->nframe; i++) {
         boards->fd = boards->fd || protocol->frame[i].flags & FRAME_FD;

@@ -597,7 +597,7 @@ static void cia402_lss_take_id(struct cia402_node *node)
     if (node->board.bus->by_address[from] == &node->board) {
         node->board.bus->by_address[from] = NULL;
     }
-    node->board.bus->by_address[to] = &node->board;
+    board_bus_place(node->board.bus, to, &node->board);
     node->board.address = (uint8_t)to;
     node->nameless = false;
     cia402_lss_move_settings(&node->settings, from, to);
@@ -1028,7 +1028,7 @@ void cia402_node_transmit(struct board *board, struct ms_span span, struct frame
 
 enum { NODES = CIA402_NODE_MAX + 1 };
 
-_Static_assert((int)NODES == (int)BOARD_ADDRESSES, "a node is an address of its bus");
+_Static_assert((int)NODES <= (int)BOARD_ADDRESSES, "a node is an address of its bus");
 
 /* Returns the node with a Node-ID, if it can receive; NULL = none. */
 static struct cia402_node *cia402_bus_node(const struct board_bus *bus, unsigned id)

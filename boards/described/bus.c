@@ -4,7 +4,7 @@
 
 #include "canbus/frame.h"
 
-_Static_assert(DESCRIBED_ADDRESS_MAX + 1 == BOARD_ADDRESSES, "an address of its bus");
+_Static_assert((int)DESCRIBED_ADDRESS_MAX == (int)BOARD_ADDRESS_MAX, "an address of its bus");
 
 /* A received frame with its row and its values. */
 struct described_arrival {
@@ -35,6 +35,27 @@ static const struct described_protocol *bus_protocol(const struct described_bus 
     return bus->bus.config.described;
 }
 
+/* Returns whether a host may write a value to a parameter. */
+static bool described_takes_value(const struct described_protocol *protocol,
+                                  const struct described_parameter *parameter, int64_t count)
+{
+    const struct described_field *field = &parameter->field;
+
+    switch (parameter->writable ? field->meaning : DESCRIBED_NOTHING) {
+    case DESCRIBED_NOTHING:
+        return false;
+    case DESCRIBED_LAW:
+        return described_find_state(protocol->law, protocol->nlaw, count, true) >= 0;
+    case DESCRIBED_ADDRESS:
+        return count >= 1 && count <= protocol->address_max;
+    case DESCRIBED_ANSWER_ID:
+        return count >= 0 && count <= DESCRIBED_STANDARD_ID_MAX;
+    default:
+        return !parameter->positive ||
+               described_value(field, described_signed(field, (uint64_t)count)) > 0.0;
+    }
+}
+
 /* Returns whether the states, laws, parameters and periods in the frame are valid. */
 static bool described_values_exist(const struct described_protocol *protocol,
                                    struct described_arrival *a)
@@ -43,6 +64,7 @@ static bool described_values_exist(const struct described_protocol *protocol,
     for (size_t i = 0; i < a->row->nfield; i++) {
         const struct described_field *field = &a->row->field[i];
         const struct described_parameter *parameter;
+        int written;
         bool exists = true;
         double value;
 
@@ -58,8 +80,12 @@ static bool described_values_exist(const struct described_protocol *protocol,
         case DESCRIBED_PARAMETER:
             /* A frame with a value writes it */
             parameter = described_find_parameter(protocol, a->values[i]);
-            exists = parameter && (described_find_field(a->row, DESCRIBED_PARAMETER_VALUE) < 0 ||
-                                   described_is_setting(parameter->field.meaning));
+            written = described_find_field(a->row, DESCRIBED_PARAMETER_VALUE);
+            exists = parameter && (written < 0 ||
+                                   described_takes_value(protocol, parameter, a->values[written]));
+            break;
+        case DESCRIBED_NEW_ADDRESS:
+            exists = a->values[i] >= 1 && a->values[i] <= protocol->address_max;
             break;
         case DESCRIBED_TELEMETRY_PERIOD:
             value = described_value(field, a->values[i]);
@@ -204,6 +230,12 @@ static void described_board_receive(struct described_node *node, unsigned first,
         if (a->verdict != BOARD_OBEYED) {
             continue;
         }
+        if (a->row->only >= 0 && node->axis[axis].law != a->row->only) {
+            a->refused = true;
+            described_note_reason(node->protocol, a, DESCRIBED_WRONG_MODE, node->axis[axis].law,
+                                  a->row->only);
+            continue;
+        }
         if (!obeyed && period >= 0) {
             double period_s = described_value(&a->row->field[period], a->values[period]);
 
@@ -296,11 +328,13 @@ static void described_bus_receive(struct boards *boards, struct board_bus *of,
         }
     } else {
         /* The board with an address, or all boards */
-        for (unsigned address = 1; address < BOARD_ADDRESSES; address++) {
-            struct board *board = bus->bus.by_address[address];
-            bool meant = a.row->by == DESCRIBED_BY_NONE || a.number == address;
+        bool all = a.row->by == DESCRIBED_BY_NONE;
 
-            if (board && meant && !board_is_deaf(board)) {
+        for (unsigned address = all ? 1 : a.number;
+             address < (all ? bus->bus.address_end : a.number + 1); address++) {
+            struct board *board = bus->bus.by_address[address];
+
+            if (board && !board_is_deaf(board)) {
                 struct described_node *node = described_node_of(board);
 
                 described_board_receive(node, 0, node->axes ? node->axes : 1, &a);

@@ -55,6 +55,12 @@ const char *described_unit(enum described_meaning meaning)
                                                             [DESCRIBED_TEMPERATURE] = "degC",
                                                             [DESCRIBED_AMBIENT] = "degC",
                                                             [DESCRIBED_UPTIME] = "s",
+                                                            [DESCRIBED_TO_VELOCITY_CAP] = "rad/s",
+                                                            [DESCRIBED_TO_CURRENT_CAP] = "A",
+                                                            [DESCRIBED_STORED] = "",
+                                                            [DESCRIBED_COMMAND_TIMEOUT] = "s",
+                                                            [DESCRIBED_POSITION_SPEED_LIMIT] =
+                                                                "rad/s",
                                                             [DESCRIBED_TELEMETRY_PERIOD] = "s"};
 
     /* Channels of sensors */
@@ -223,7 +229,8 @@ enum described_match described_match_frame(const struct described_frame *frame,
     if (frame->remote) {
         return DESCRIBED_IS;
     }
-    if ((frame->flags ^ sent->flags) & FRAME_FD || !described_has_length(frame, sent->len)) {
+    if (((frame->flags ^ sent->flags) & FRAME_FD && !frame->either) ||
+        !described_has_length(frame, sent->len)) {
         return DESCRIBED_BAD_LENGTH;
     }
     if (frame->nconstant > 0 && !described_has_constants(frame, sent, 0)) {
@@ -308,7 +315,7 @@ const struct described_parameter *
 described_find_parameter(const struct described_protocol *protocol, int64_t number)
 {
     for (size_t i = 0; i < protocol->nparameter; i++) {
-        if (protocol->parameter[i].number == number) {
+        if (protocol->parameter[i].numbered && protocol->parameter[i].number == number) {
             return &protocol->parameter[i];
         }
     }

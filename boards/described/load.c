@@ -61,6 +61,7 @@ static enum error_code described_check_states(struct described_loader *l,
     for (size_t i = 0; i < count; i++) {
         const struct described_state *each = &state[i];
         bool open = each->law == DESCRIBED_OFF || each->law == DESCRIBED_FAULT;
+        int fault = 0;
 
         for (size_t k = 0; k < i; k++) {
             if (!strcmp(state[k].name, each->name)) {
@@ -76,6 +77,19 @@ static enum error_code described_check_states(struct described_loader *l,
         if (each->law == DESCRIBED_SELECTED && l->raw->nlaw == 0) {
             return yaml_error(l->error, &each->mark,
                               "found law: selected without a list \"laws\", expected both or none");
+        }
+        if (each->fault &&
+            (each->law != DESCRIBED_FAULT ||
+             yaml_find_name(YAML_NAMES(described_faults_schema.fields, DESCRIBED_FAULT_KINDS, key),
+                            "fault", each->fault, yaml_place(&each->mark, "fault"), &fault,
+                            l->error))) {
+            return each->law == DESCRIBED_FAULT
+                       ? ERROR_INPUT
+                       : yaml_error(l->error, yaml_place(&each->mark, "fault"),
+                                    "found fault without law: fault, expected both or none");
+        }
+        if (each->fault) {
+            l->made->fault_for[fault] = (int)i;
         }
         if (each->set_point_scale == 0.0) {
             return yaml_error(l->error, &each->mark, "found set_point_scale 0, expected another");
@@ -99,6 +113,7 @@ static enum error_code described_build_states(struct described_loader *l)
     made->law = l->raw->law;
     made->nstate = l->raw->nstate;
     made->nlaw = l->raw->nlaw;
+    memset(made->fault_for, -1, sizeof made->fault_for);
     code = described_check_states(l, made->state, made->nstate, false);
     code = code ? code : described_check_states(l, made->law, made->nlaw, true);
 
@@ -106,7 +121,11 @@ static enum error_code described_build_states(struct described_loader *l)
     made->off_state = made->fault_state = made->timeout_state = made->unknown_state = -1;
     for (int i = (int)made->nstate - 1; i >= 0; i--) {
         made->off_state = made->state[i].law == DESCRIBED_OFF ? i : made->off_state;
-        made->fault_state = made->state[i].law == DESCRIBED_FAULT ? i : made->fault_state;
+        if (made->state[i].law == DESCRIBED_FAULT &&
+            (made->fault_state < 0 || !made->state[i].fault ||
+             made->state[made->fault_state].fault)) {
+            made->fault_state = i;
+        }
     }
     if (!code && made->off_state < 0) {
         return yaml_error(l->error, &l->raw->mark,
@@ -231,15 +250,17 @@ static enum error_code described_check_frame(struct described_loader *l,
          "found or_empty without remote: true, expected both or none"},
         {raw->fd && made->remote, "",
          "found fd beside remote, expected one of them: CAN FD has no remote frames"},
-        {made->from_host && (made->telemetry || period || made->on_change || made->on_restart), "",
-         "found a key of frames from the board in one from the host: period_s, telemetry, "
-         "on_change or on_restart"},
-        {!made->from_host &&
-             (raw->reply || raw->enter || made->zero || made->remote || made->stop || made->clear ||
-              made->restart || yaml_has(&raw->mark, "lengths")),
+        {made->from_host && (made->telemetry || period || made->on_change || made->on_fault ||
+                             made->on_restart || made->answer_id),
          "",
-         "found a key of frames from the host in one from the board: reply, enter, zero, stop, "
-         "clear_faults, restart, lengths or remote"},
+         "found a key of frames from the board in one from the host: period_s, telemetry, "
+         "on_change, on_restart or answer_id"},
+        {!made->from_host && (raw->reply || raw->enter || raw->select || raw->only || made->save ||
+                              made->zero || made->remote || made->stop || made->clear ||
+                              made->restart || yaml_has(&raw->mark, "lengths")),
+         "",
+         "found a key of frames from the host in one from the board: reply, enter, select, only, "
+         "save, zero, stop, clear_faults, restart, lengths or remote"},
         {(made->time.delay_ns >= 0 || made->time.spread_ns >= 0) && !raw->reply, "",
          "found reply_delay_s or reply_spread_s without reply, expected both or none"},
         {made->optional && !period, "optional", "found optional without period_s, expected both"},
@@ -269,6 +290,16 @@ static enum error_code described_check_frame(struct described_loader *l,
     return ERROR_NONE;
 }
 
+/* Finds the index of the law that a frame names under `key`. Keeps *index if the key is absent. */
+static enum error_code described_find_law(struct described_loader *l,
+                                          const struct raw_described_frame *raw, const char *key,
+                                          const char *name, int *index)
+{
+    return name ? yaml_find_name(YAML_NAMES(l->made->law, l->made->nlaw, name), "law", name,
+                                 yaml_place(&raw->mark, key), index, l->error)
+                : ERROR_NONE;
+}
+
 /* Builds the row of a frame and lays out its fields. */
 static enum error_code described_build_frame(struct described_loader *l,
                                              const struct raw_described_frame *raw,
@@ -281,6 +312,8 @@ static enum error_code described_build_frame(struct described_loader *l,
     made->flags =
         (uint8_t)((raw->extended ? FRAME_EXTENDED : 0) | (made->remote ? FRAME_REMOTE : 0) |
                   (raw->fd ? FRAME_FD | (raw->brs ? FRAME_BRS : 0) : 0));
+    made->either = l->raw->follow_fd && !made->remote;
+    made->flags |= made->either && l->fd ? FRAME_FD | FRAME_BRS : 0;
     made->of = raw->row.of ? raw->row.of : made->from_host ? DESCRIBED_ANY : DESCRIBED_MOTOR;
     made->spread_ms = (unsigned)((raw->spread_ns + 500000) / 1000000);
     made->reply[0] = made->reply[1] = made->reply[2] = made->enter = -1;
@@ -298,17 +331,24 @@ static enum error_code described_build_frame(struct described_loader *l,
     code = code ? code : described_find_name(l, &raw->mark, "enter", raw->enter, &made->enter);
 
     /* Properties of the row that follow from the meanings of its fields */
-    made->switches = made->clear || made->stop || made->enter >= 0;
+    made->select = made->only = -1;
+    code = code ? code : described_find_law(l, raw, "select", raw->select, &made->select);
+    code = code ? code : described_find_law(l, raw, "only", raw->only, &made->only);
+    made->switches = made->clear || made->stop || made->enter >= 0 || made->select >= 0;
+    made->configures = made->save;
     for (size_t i = 0; i < made->nfield && !code; i++) {
         enum described_meaning meaning = made->field[i].meaning;
 
         made->commands =
-            made->commands || (meaning >= DESCRIBED_SET_POINT && meaning <= DESCRIBED_TO_KD);
+            made->commands || (meaning >= DESCRIBED_SET_POINT && meaning < DESCRIBED_TARGETS_END);
         made->switches = made->switches || meaning == DESCRIBED_STATE || meaning == DESCRIBED_LAW;
         made->configures = made->configures || described_is_setting(meaning) ||
-                           meaning == DESCRIBED_PARAMETER || meaning == DESCRIBED_PRESENT_POSITION;
+                           meaning == DESCRIBED_ANSWER_ID || meaning == DESCRIBED_PARAMETER ||
+                           meaning == DESCRIBED_PRESENT_POSITION ||
+                           meaning == DESCRIBED_HOST_NUMBER || meaning == DESCRIBED_NEW_ADDRESS;
         made->checked = made->checked || meaning == DESCRIBED_STATE || meaning == DESCRIBED_LAW ||
-                        meaning == DESCRIBED_PARAMETER || meaning == DESCRIBED_TELEMETRY_PERIOD;
+                        meaning == DESCRIBED_PARAMETER || meaning == DESCRIBED_NEW_ADDRESS ||
+                        meaning == DESCRIBED_TELEMETRY_PERIOD;
         made->selects = made->selects || meaning == DESCRIBED_SLOTS_MASK ||
                         meaning == DESCRIBED_ADDRESS || meaning == DESCRIBED_AXIS;
         made->of_one = made->of_one || meaning == DESCRIBED_AXIS ||
@@ -407,6 +447,8 @@ static enum error_code described_build_frames(struct described_loader *l)
     }
     for (size_t i = 0; i < l->raw->nframe && !code; i++) {
         code = described_build_frame(l, &l->raw->frame[i], &l->made->frame[i]);
+        l->made->frame[i].index = (uint8_t)i;
+        l->made->saves = l->made->saves || l->made->frame[i].save;
         l->made->nframe = i + 1;
         for (size_t k = 0; k < i && !code; k++) {
             const struct described_frame *x = &l->made->frame[k], *y = &l->made->frame[i];
@@ -435,10 +477,14 @@ static bool described_find_meeting(const struct described_frame *a, const struct
     uint32_t fixed = ~(a->mask | b->mask);
     bool any = a->by == DESCRIBED_BY_NONE || b->by == DESCRIBED_BY_NONE;
 
+    if (!any && a->by != b->by) {
+        return false;
+    }
     for (*na = a->by == DESCRIBED_BY_ADDRESS; *na <= a->most; ++*na) {
-        for (*nb = b->by == DESCRIBED_BY_ADDRESS; *nb <= b->most; ++*nb) {
-            if (!((described_id(a, *na) ^ described_id(b, *nb)) & fixed) &&
-                (any || (a->by == b->by && *na == *nb))) {
+        const unsigned least = any ? b->by == DESCRIBED_BY_ADDRESS : *na;
+
+        for (*nb = least; *nb <= (any || b->most < *na ? b->most : *na); ++*nb) {
+            if (!((described_id(a, *na) ^ described_id(b, *nb)) & fixed)) {
                 return true;
             }
         }
@@ -505,16 +551,168 @@ static enum error_code described_build_parameters(struct described_loader *l)
     for (size_t i = 0; i < raw->nparameter && !code; i++) {
         struct described_parameter *made = &l->made->parameter[i];
 
-        if (described_find_parameter(l->made, raw->parameter[i].number)) {
+        if (yaml_has(&raw->parameter[i].mark, "number") &&
+            described_find_parameter(l->made, raw->parameter[i].number)) {
             return yaml_error(l->error, yaml_place(&raw->parameter[i].mark, "number"),
                               "found number %lld again, expected another",
                               (long long)raw->parameter[i].number);
         }
-        made->number = (uint32_t)raw->parameter[i].number;
-        code = described_lay_out_parameter(l, &raw->parameter[i].field, &made->field);
+        code = described_lay_out_parameter(l, &raw->parameter[i], made);
         l->made->nparameter = i + 1;
     }
     return code;
+}
+
+/* ---- models ---- */
+
+/* Finds the parameter that is the factor of a field. A host may write only positive factors. */
+static enum error_code described_link_factor(struct described_loader *l,
+                                             const struct raw_described_field *raw,
+                                             struct described_field *field, bool *found)
+{
+    const struct yaml_names names = YAML_NAMES(l->made->parameter, l->made->nparameter, name);
+    int index;
+    enum error_code code = raw->times
+                               ? yaml_find_name(names, "parameter", raw->times,
+                                                yaml_place(&raw->mark, "times"), &index, l->error)
+                               : ERROR_NONE;
+
+    if (!raw->times || code) {
+        return code;
+    }
+    if (l->made->parameter[index].field.meaning != DESCRIBED_STORED) {
+        return yaml_error(l->error, yaml_place(&raw->mark, "times"),
+                          "found the factor \"%s\", expected a parameter with a value", raw->times);
+    }
+    l->made->parameter[index].positive = true;
+    field->times = (int16_t)index;
+    *found = true;
+    return ERROR_NONE;
+}
+
+/* Copies a layout for each model, with the scales that the model's factors give. field: fields of
+ * the layout, without padding. */
+static enum error_code described_scale_layout(struct described_loader *l,
+                                              const struct described_field *field,
+                                              const struct field *layout,
+                                              const struct field ***layouts)
+{
+    size_t count = 1;
+
+    while (layout && layout[count - 1].type != FIELD_END) {
+        count++;
+    }
+    *layouts = layout ? arena_alloc(l->arena, l->made->nmodel, sizeof **layouts) : NULL;
+    for (size_t m = 0; *layouts && m < l->made->nmodel; m++) {
+        struct field *copy = arena_alloc(l->arena, count, sizeof *copy);
+        const struct described_field *of = field;
+
+        if (!copy) {
+            return described_no_memory(l);
+        }
+        for (size_t i = 0; i < count; i++) {
+            copy[i] = layout[i];
+            if (layout[i].type != FIELD_END && !(layout[i].type & FIELD_PADDING) &&
+                (of++)->times >= 0) {
+                const struct described_field scaled =
+                    described_model_field(l->made, (unsigned)m, of - 1);
+
+                copy[i].scale = scaled.scale;
+                copy[i].offset = scaled.offset;
+            }
+        }
+        (*layouts)[m] = copy;
+    }
+    return layout && !*layouts ? described_no_memory(l) : ERROR_NONE;
+}
+
+/* Links the factors of all fields. */
+static enum error_code described_link_factors(struct described_loader *l)
+{
+    enum error_code code = ERROR_NONE;
+    bool found;
+
+    for (size_t i = 0; i < l->made->nparameter && !code; i++) {
+        code = described_link_factor(l, &l->raw->parameter[i].field, &l->made->parameter[i].field,
+                                     &found);
+    }
+    for (size_t f = 0; f < l->made->nframe && !code; f++) {
+        const struct raw_described_frame *raw = &l->raw->frame[f];
+        struct described_frame *made = &l->made->frame[f];
+
+        found = false;
+        for (size_t i = 0; i < raw->nfield && !code; i++) {
+            code = described_link_factor(l, &raw->field[i], &made->field[i], &found);
+        }
+        for (size_t i = 0; i < raw->nid_field && !code; i++) {
+            code =
+                described_link_factor(l, &raw->id_field[i], &made->field[made->ndata + i], &found);
+        }
+        if (!code && found) {
+            code = described_scale_layout(l, made->field, made->layout, &made->model_layout);
+        }
+        if (!code && found) {
+            code = described_scale_layout(l, made->field + made->ndata, made->id_layout,
+                                          &made->model_id_layout);
+        }
+    }
+    return code;
+}
+
+/* Sets the values that a model gives to parameters. A parameter with a value has it in all models,
+ * unless a model gives another. */
+static enum error_code described_build_model(struct described_loader *l,
+                                             const struct raw_described_model *raw,
+                                             struct described_model *made)
+{
+    const struct yaml_names names = YAML_NAMES(l->made->parameter, l->made->nparameter, name);
+    int64_t *counts = arena_alloc(l->arena, l->made->nparameter + 1, sizeof *counts);
+    bool *given = arena_alloc(l->arena, l->made->nparameter + 1, sizeof *given);
+
+    if (!counts || !given) {
+        return described_no_memory(l);
+    }
+    *made = (struct described_model){raw ? raw->name : "", counts, given};
+    for (size_t i = 0; i < l->made->nparameter; i++) {
+        const struct described_parameter *parameter = &l->made->parameter[i];
+
+        given[i] = parameter->field.meaning == DESCRIBED_STORED;
+        counts[i] = given[i] ? parameter->field.constant : 0;
+    }
+    for (size_t i = 0; raw && i < raw->nentry; i++) {
+        const struct yaml_real_entry *entry = &raw->entry[i];
+        int index;
+
+        if (yaml_find_name(names, "parameter", entry->name, &entry->mark, &index, l->error)) {
+            return ERROR_INPUT;
+        }
+        if (!l->made->parameter[index].writable &&
+            l->made->parameter[index].field.meaning != DESCRIBED_STORED) {
+            return yaml_error(l->error, &entry->mark,
+                              "found parameter \"%s\", expected one with a value or a setting",
+                              entry->name);
+        }
+        given[index] = true;
+        counts[index] = described_count(&l->made->parameter[index].field, entry->value);
+    }
+    return ERROR_NONE;
+}
+
+/* Builds the models; a file without models has one without a name. */
+static enum error_code described_build_models(struct described_loader *l)
+{
+    const struct raw_described *raw = l->raw;
+    enum error_code code = ERROR_NONE;
+
+    if (raw->nmodel > DESCRIBED_MODELS_MAX) {
+        return yaml_error(l->error, &raw->mark, "found %zu models, expected at most %d",
+                          raw->nmodel, DESCRIBED_MODELS_MAX);
+    }
+    l->made->nmodel = raw->nmodel ? raw->nmodel : 1;
+    for (size_t i = 0; i < l->made->nmodel && !code; i++) {
+        code = described_build_model(l, raw->nmodel ? &raw->model[i] : NULL, &l->made->model[i]);
+    }
+    return code ? code : described_link_factors(l);
 }
 
 /* ---- the host ---- */
@@ -629,7 +827,8 @@ static void described_index(struct described_protocol *made)
             if (frame->of >> k & 1 && frame->telemetry) {
                 telemetry->frame[telemetry->count++] = (uint8_t)i;
             }
-            if (frame->of >> k & 1 && (frame->on_change || frame->period_ns > 0)) {
+            if (frame->of >> k & 1 &&
+                (frame->on_change || frame->on_fault || frame->period_ns > 0)) {
                 other->frame[other->count++] = (uint8_t)i;
             }
         }
@@ -666,9 +865,14 @@ static enum error_code described_build(struct described_loader *l)
                           "found the name \"%.60s\", expected letters, digits, _ and -", raw->name);
     }
     code = described_build_states(l);
-    memcpy(l->made->fault_bit, raw->fault_bit, sizeof raw->fault_bit);
+    for (int i = 0; i < DESCRIBED_FAULT_KINDS; i++) {
+        l->made->fault_bit[i] = raw->fault[i].bit;
+        l->made->sticky |= (uint32_t)raw->fault[i].sticky << i;
+        l->made->momentary |= (uint32_t)raw->fault[i].momentary << i;
+    }
     code = code ? code : described_build_frames(l);
     code = code ? code : described_build_parameters(l);
+    code = code ? code : described_build_models(l);
     code = code ? code : described_check_faults(l);
     code = code ? code : described_check_gains(l, raw->state, raw->nstate);
     code = code ? code : described_check_gains(l, raw->law, raw->nlaw);
@@ -683,7 +887,8 @@ static enum error_code described_build(struct described_loader *l)
 }
 
 /* Builds a table in the arena from the contents of a file. */
-static enum error_code described_compile(const struct raw_described *raw, struct arena *arena,
+static enum error_code described_compile(const struct raw_described *raw, bool fd,
+                                         struct arena *arena,
                                          const struct described_protocol **protocol,
                                          struct error *error)
 {
@@ -692,22 +897,23 @@ static enum error_code described_compile(const struct raw_described *raw, struct
         .made = arena_alloc(arena, 1, sizeof *l.made),
         .arena = arena,
         .error = error,
+        .fd = fd,
     };
 
     *protocol = l.made;
     return l.made ? described_build(&l) : described_no_memory(&l);
 }
 
-enum error_code described_load(const char *path, struct arena *arena,
+enum error_code described_load(const char *path, bool fd, struct arena *arena,
                                const struct described_protocol **protocol, struct error *error)
 {
     struct raw_described raw;
     enum error_code code = yaml_read_file(path, &described_file_schema, arena, &raw, error);
 
-    return code ? code : described_compile(&raw, arena, protocol, error);
+    return code ? code : described_compile(&raw, fd, arena, protocol, error);
 }
 
-enum error_code described_read_text(const char *name, const char *text, size_t size,
+enum error_code described_read_text(const char *name, const char *text, size_t size, bool fd,
                                     struct arena *arena, const struct described_protocol **protocol,
                                     struct error *error)
 {
@@ -715,5 +921,5 @@ enum error_code described_read_text(const char *name, const char *text, size_t s
     enum error_code code =
         yaml_read_text(name, text, size, &described_file_schema, arena, &raw, error);
 
-    return code ? code : described_compile(&raw, arena, protocol, error);
+    return code ? code : described_compile(&raw, fd, arena, protocol, error);
 }

@@ -10,7 +10,8 @@
 struct raw_described_field {
     struct yaml_mark mark;
     struct described_field field; /* holds meaning, constant, scale, offset, host and axis */
-    const char *name;
+    const char *name, *times, *fault;
+    double value;
     int bits, at_bit;
     bool counter;
     /* type and order: flags of enum field_type; checksum: enum described_checksum */
@@ -23,7 +24,7 @@ struct raw_described_field {
 struct raw_described_frame {
     struct yaml_mark mark;
     struct described_frame row; /* members that the file sets directly */
-    const char *payload, *reply, *enter;
+    const char *payload, *reply, *enter, *select, *only;
     int from_host, length, repeat;
     bool extended, fd, brs;
     int64_t spread_ns;
@@ -35,7 +36,20 @@ struct raw_described_frame {
 struct raw_described_parameter {
     struct yaml_mark mark;
     int64_t number;
+    bool writable;
     struct raw_described_field field;
+};
+
+struct raw_described_fault {
+    int bit;
+    bool sticky, momentary;
+};
+
+struct raw_described_model {
+    struct yaml_mark mark;
+    const char *name;
+    struct yaml_real_entry *entry;
+    size_t nentry;
 };
 
 struct raw_described_host {
@@ -48,13 +62,16 @@ struct raw_described_host {
 struct raw_described {
     struct yaml_mark mark;
     const char *name, *description, *timeout_state, *unknown_state;
-    int axes, address_max, fault_bit[DESCRIBED_FAULT_KINDS];
+    int axes, address_max;
+    bool follow_fd;
+    struct raw_described_fault fault[DESCRIBED_FAULT_KINDS];
     int64_t command_timeout_ns;
     struct board_reply_time time;
     struct raw_described_frame *frame;
     struct described_state *state, *law;
     struct raw_described_parameter *parameter;
-    size_t nframe, nstate, nlaw, nparameter;
+    struct raw_described_model *model;
+    size_t nframe, nstate, nlaw, nparameter, nmodel;
     struct described_gains gains;
     struct raw_described_host host;
 };
@@ -70,6 +87,7 @@ struct described_loader {
     struct described_protocol *made;
     struct arena *arena;
     struct error *error;
+    bool fd; /* the bus has CAN FD */
 };
 
 enum error_code described_no_memory(struct described_loader *l);
@@ -83,10 +101,10 @@ enum error_code described_check_word(struct described_loader *l, const struct ya
 enum error_code described_lay_out(struct described_loader *l, const struct raw_described_frame *raw,
                                   struct described_frame *made);
 
-/* Lays out the field of a parameter. A board reports the parameter. A host can write it if it is a
- * setting. */
+/* Lays out the field of a parameter. A board reports the parameter. Its host can write settings,
+ * targets and what the file calls writable. */
 enum error_code described_lay_out_parameter(struct described_loader *l,
-                                            const struct raw_described_field *raw,
-                                            struct described_field *made);
+                                            const struct raw_described_parameter *raw,
+                                            struct described_parameter *made);
 
 #endif

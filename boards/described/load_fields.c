@@ -61,8 +61,16 @@ static enum error_code described_mean_field(struct described_loader *l, bool fro
     const bool value = yaml_has(&raw->mark, "value"), range = yaml_has(&raw->mark, "range");
     const bool scaled = yaml_has(&raw->mark, "scale") || yaml_has(&raw->mark, "offset");
     const double low = (double)made->low, high = (double)made->high;
+    int fault = 0;
 
+    if (raw->fault &&
+        yaml_find_name(YAML_NAMES(described_faults_schema.fields, DESCRIBED_FAULT_KINDS, key),
+                       "fault", raw->fault, yaml_place(&raw->mark, "fault"), &fault, l->error)) {
+        return ERROR_INPUT;
+    }
+    made->constant = raw->fault ? fault : made->constant;
     made->meaning = value           ? DESCRIBED_CONSTANT
+                    : raw->fault    ? DESCRIBED_FAULT_BIT
                     : raw->counter  ? DESCRIBED_COUNTER
                     : raw->checksum ? DESCRIBED_CHECKSUM
                                     : made->meaning;
@@ -71,19 +79,26 @@ static enum error_code described_mean_field(struct described_loader *l, bool fro
         made->offset = raw->range[0] - low * made->scale;
     }
     if (yaml_has(&raw->mark, "source") + yaml_has(&raw->mark, "target") + value + raw->counter +
-                (raw->checksum != DESCRIBED_NO_CHECKSUM) >
+                (raw->fault != NULL) + (raw->checksum != DESCRIBED_NO_CHECKSUM) >
             1 ||
-        yaml_has(&raw->mark, from_host ? "source" : "target")) {
+        yaml_has(&raw->mark, from_host ? "source" : "target") || (from_host && raw->fault)) {
         return yaml_error(l->error, &raw->mark,
                           "found field \"%s\" of a frame from the %s with the wrong or several of "
                           "source, target, value, counter and checksum, expected %s or one of the "
                           "last three, or none of them",
                           raw->name, from_host ? "host" : "board", from_host ? "target" : "source");
     }
-    if (value && (made->constant < made->low || made->constant > made->high)) {
+    if (value && !made->real &&
+        (raw->value != rint(raw->value) || raw->value < low || raw->value > high)) {
         return yaml_error(l->error, yaml_place(&raw->mark, "value"),
-                          "found value %lld, expected one that %d bits hold",
-                          (long long)made->constant, raw->bits);
+                          "found value %.15g, expected one that %d bits hold", raw->value,
+                          raw->bits);
+    }
+    if (value) {
+        made->constant =
+            made->real
+                ? described_count(&(struct described_field){.real = true, .scale = 1.0}, raw->value)
+                : (int64_t)raw->value;
     }
     if (range && (scaled || made->real || !(raw->range[0] < raw->range[1]))) {
         return yaml_error(l->error, yaml_place(&raw->mark, "range"),
@@ -95,7 +110,7 @@ static enum error_code described_mean_field(struct described_loader *l, bool fro
                           "found a scale of %g, expected one of at least 1e-12 either way",
                           made->scale);
     }
-    if (!described_unit(made->meaning) && (scaled || range || made->real)) {
+    if (!described_unit(made->meaning) && (scaled || range || (made->real && !value))) {
         return yaml_error(l->error, &raw->mark,
                           "found a scale, an offset, a range or a float of field \"%s\", expected "
                           "none: it is a count",
@@ -146,18 +161,18 @@ static enum error_code described_name_states(struct described_loader *l,
 /* Names the values of a field: the values that the file lists, or the constant. */
 static enum error_code described_name_values(struct described_loader *l,
                                              const struct raw_described_field *raw,
-                                             struct field *layout)
+                                             int64_t constant, struct field *layout)
 {
     struct field_value *values;
 
-    if (raw->nentry == 0 && !yaml_has(&raw->mark, "value")) {
+    if (raw->nentry == 0 && (!yaml_has(&raw->mark, "value") || layout->type & FIELD_FLOAT)) {
         return ERROR_NONE;
     }
     values = arena_alloc(l->arena, raw->nentry + 2, sizeof *values);
     if (!values) {
         return described_no_memory(l);
     }
-    values[0] = (struct field_value){raw->field.constant, raw->nentry ? NULL : "always"};
+    values[0] = (struct field_value){constant, raw->nentry ? NULL : "always"};
     /* Each value fits into the field and has one name */
     for (size_t i = 0; i < raw->nentry; i++) {
         double value = raw->entry[i].value;
@@ -283,7 +298,7 @@ static enum error_code described_add_field(struct described_loader *l,
     code = described_check_word(l, &raw->mark, raw->name);
     described_place(&made, layout.type, plan->bit, plan->other);
     code = code ? code : described_mean_field(l, frame->from_host, raw, &made);
-    code = code ? code : described_name_values(l, raw, &layout);
+    code = code ? code : described_name_values(l, raw, made.constant, &layout);
     if (!code && !layout.values &&
         (made.meaning == DESCRIBED_STATE || made.meaning == DESCRIBED_LAW)) {
         code = described_name_states(l, made.meaning, frame->from_host, &layout);
@@ -333,8 +348,8 @@ static enum error_code described_add_payload(struct described_loader *l,
         only[0] = (struct field_value){byte, "always"};
         plan->layout[plan->nlayout].type = FIELD_U8;
         plan->layout[plan->nlayout++].values = only;
-        plan->field[plan->nfield] =
-            (struct described_field){.meaning = DESCRIBED_CONSTANT, .constant = byte, .scale = 1.0};
+        plan->field[plan->nfield] = (struct described_field){
+            .meaning = DESCRIBED_CONSTANT, .constant = byte, .scale = 1.0, .times = -1};
         described_place(&plan->field[plan->nfield++], FIELD_U8, plan->bit, false);
         plan->bit += 8;
         text += used;
@@ -546,22 +561,41 @@ enum error_code described_lay_out(struct described_loader *l, const struct raw_d
 }
 
 enum error_code described_lay_out_parameter(struct described_loader *l,
-                                            const struct raw_described_field *raw,
-                                            struct described_field *made)
+                                            const struct raw_described_parameter *from,
+                                            struct described_parameter *parameter)
 {
+    const struct raw_described_field *raw = &from->field;
+    struct described_field *made = &parameter->field;
+    const bool targets = yaml_has(&raw->mark, "target");
     enum error_code code = described_check_word(l, &raw->mark, raw->name);
 
     *made = raw->field;
+    parameter->name = raw->name;
+    parameter->numbered = yaml_has(&from->mark, "number");
+    parameter->number = (uint32_t)from->number;
     /* A parameter has no place in a frame, so it accepts no keys about the place */
-    if (!code && (yaml_has(&raw->mark, "target") || raw->counter || raw->checksum ||
-                  yaml_has(&raw->mark, "at_bit") || raw->order ||
+    if (!code && (raw->counter || raw->checksum || yaml_has(&raw->mark, "at_bit") || raw->order ||
                   (raw->type == FIELD_FLOAT && raw->bits != 32))) {
-        return yaml_error(l->error, &raw->mark,
-                          "found a target, a counter, a checksum, at_bit, order: big or a float of "
-                          "other than 32 bits in a parameter, expected a source or a value");
+        return yaml_error(
+            l->error, &raw->mark,
+            "found a counter, a checksum, at_bit, order: big or a float of other than 32 "
+            "bits in a parameter, expected a source, a target or a value");
     }
     described_place(made, (unsigned)(raw->bits | raw->type), 0, false);
-    code = code ? code : described_mean_field(l, false, raw, made);
+    code = code ? code : described_mean_field(l, targets, raw, made);
+    made->meaning = made->meaning == DESCRIBED_CONSTANT ? DESCRIBED_STORED : made->meaning;
+    parameter->writable = from->writable || targets || described_is_setting(made->meaning);
+    if (!code &&
+        (targets
+             ? made->meaning <= DESCRIBED_SET_POINT || made->meaning >= DESCRIBED_TARGETS_END
+             : from->writable && !described_is_setting(made->meaning) &&
+                   made->meaning != DESCRIBED_STORED && made->meaning != DESCRIBED_LAW &&
+                   made->meaning != DESCRIBED_ADDRESS && made->meaning != DESCRIBED_ANSWER_ID)) {
+        return yaml_error(l->error, yaml_place(&raw->mark, targets ? "target" : "source"),
+                          "found parameter \"%s\", which no host can write, expected a value, a "
+                          "setting, law, address, answer_id, or the target of a law",
+                          raw->name);
+    }
     if (!code && (made->meaning == DESCRIBED_ECHO || made->meaning == DESCRIBED_PARAMETER_VALUE)) {
         return yaml_error(l->error, yaml_place(&raw->mark, "source"),
                           "found source: %s in a parameter, expected another: it is no answer",

@@ -132,7 +132,10 @@ static void axis_set_target(const struct described_node *node, struct described_
         axis->target[described_law_target(state->law) - DESCRIBED_SET_POINT] =
             (double)count * state->set_point_scale;
     } else {
-        axis->target[field->meaning - DESCRIBED_SET_POINT] = described_value(field, count);
+        const struct described_field now =
+            described_node_field(node, axis_index(node, axis), field);
+
+        axis->target[field->meaning - DESCRIBED_SET_POINT] = described_value(&now, count);
     }
 }
 
@@ -156,18 +159,94 @@ static void axis_stop(struct described_node *node, struct described_axis *axis)
     }
     axis->latched |= stopped;
     axis->faults |= stopped;
-    axis_enter(node, axis, node->protocol->fault_state, axis->law);
+    axis_enter(node, axis, described_fault_state(node->protocol, stopped), axis->law);
 }
 
 /* Writes a setting of an axis; a negative value becomes 0. Ignores a value that is not finite. */
-static void axis_set(struct described_axis *axis, const struct described_field *field,
-                     int64_t count)
+static void axis_set(const struct described_node *node, struct described_axis *axis,
+                     const struct described_field *field, int64_t count)
 {
     const int64_t infinity = INT64_C(0x7f800000); /* exponent of a float that is not finite */
 
     if (!field->real || (count & infinity) != infinity) {
-        axis->setting[field->meaning - DESCRIBED_SETTING] =
-            fmax(described_value(field, count), 0.0);
+        const struct described_field now =
+            described_node_field(node, axis_index(node, axis), field);
+
+        axis->setting[field->meaning - DESCRIBED_SETTING] = fmax(described_value(&now, count), 0.0);
+    }
+}
+
+/* Counts a set point, which resets the time-out. */
+static void axis_count_command(const struct described_node *node, struct described_axis *axis)
+{
+    axis->commands++;
+    axis->command_ns = node->board.boards->now_ns;
+}
+
+/* Writes a parameter of an axis. Its value was checked (described_values_exist). */
+static void axis_write(struct described_node *node, struct described_axis *axis,
+                       const struct described_parameter *parameter, int64_t count)
+{
+    const struct described_protocol *protocol = node->protocol;
+    const struct described_field *field = &parameter->field;
+    const enum described_meaning meaning = field->meaning;
+
+    if (meaning == DESCRIBED_STORED) {
+        node->stored[axis_index(node, axis)][parameter - protocol->parameter] =
+            (uint32_t)(count & (int64_t)field->mask);
+    } else if (described_is_setting(meaning)) {
+        axis_set(node, axis, field, count);
+    } else if (meaning == DESCRIBED_LAW) {
+        axis_enter(node, axis, axis->state,
+                   described_find_state(protocol->law, protocol->nlaw, count, true));
+    } else if (meaning == DESCRIBED_ADDRESS) {
+        board_set_address(&node->board, (uint8_t)count);
+    } else if (meaning == DESCRIBED_ANSWER_ID) {
+        node->answer_id = (uint32_t)count;
+    } else if (meaning >= DESCRIBED_SET_POINT && meaning < DESCRIBED_TARGETS_END) {
+        axis_count_command(node, axis);
+        if (described_axis_runs(axis)) {
+            axis_set_target(node, axis, field, count);
+        }
+    }
+}
+
+/* Keeps the present values of all parameters over a restart. */
+static void axis_save(struct described_node *node, const struct described_axis *axis)
+{
+    const unsigned index = axis_index(node, axis);
+
+    for (size_t i = 0; i < node->protocol->nparameter; i++) {
+        const struct described_parameter *parameter = &node->protocol->parameter[i];
+        const enum described_meaning meaning = parameter->field.meaning;
+
+        if (meaning == DESCRIBED_STORED || meaning == DESCRIBED_LAW ||
+            meaning == DESCRIBED_ANSWER_ID || described_is_setting(meaning)) {
+            node->kept[index][i] =
+                (uint32_t)described_node_count(node, index, &parameter->field, NULL, NULL);
+            node->is_kept[index][i] = parameter->writable;
+        }
+    }
+}
+
+/* Writes the parameters that a new drive has, or that were saved. */
+static void axis_restore(struct described_node *node, struct described_axis *axis, bool first)
+{
+    const struct described_protocol *protocol = node->protocol;
+    const struct described_model *model = &protocol->model[node->board.config.model];
+    const unsigned index = axis_index(node, axis);
+
+    for (size_t i = 0; i < protocol->nparameter; i++) {
+        const struct described_field *field = &protocol->parameter[i].field;
+
+        if (first) {
+            node->kept[index][i] = (uint32_t)model->count[i];
+            node->is_kept[index][i] = model->given[i];
+        }
+        if (node->is_kept[index][i]) {
+            axis_write(node, axis, &protocol->parameter[i],
+                       field->sign ? (int32_t)node->kept[index][i] : (int64_t)node->kept[index][i]);
+        }
     }
 }
 
@@ -183,17 +262,29 @@ static void axis_configure(struct described_node *node, struct described_axis *a
         const struct described_field *field = &frame->field[i];
 
         if (described_is_setting(field->meaning)) {
-            axis_set(axis, field, values[i]);
+            axis_set(node, axis, field, values[i]);
+        } else if (field->meaning == DESCRIBED_HOST_NUMBER) {
+            node->host_number = (uint32_t)values[i];
+        } else if (field->meaning == DESCRIBED_ANSWER_ID) {
+            node->answer_id = (uint32_t)values[i];
+        } else if (field->meaning == DESCRIBED_NEW_ADDRESS) {
+            board_set_address(&node->board, (uint8_t)values[i]);
         } else if (field->meaning == DESCRIBED_PRESENT_POSITION) {
-            axis->zero_rad = axis->base.motor_rad - described_value(field, values[i]);
+            const struct described_field now =
+                described_node_field(node, axis_index(node, axis), field);
+
+            axis->zero_rad = axis->base.motor_rad - described_value(&now, values[i]);
             axis_forget(node, axis);
         }
     }
 
     /* A parameter is selected by its number */
     if (parameter >= 0 && written >= 0) {
-        axis_set(axis, &described_find_parameter(node->protocol, values[parameter])->field,
-                 values[written]);
+        axis_write(node, axis, described_find_parameter(node->protocol, values[parameter]),
+                   values[written]);
+    }
+    if (frame->save) {
+        axis_save(node, axis);
     }
 }
 
@@ -203,7 +294,8 @@ static bool axis_switch(struct described_node *node, struct described_axis *axis
                         const struct described_frame *frame, const int64_t *values)
 {
     const struct described_protocol *protocol = node->protocol;
-    int law = frame_names(frame, DESCRIBED_LAW, protocol->law, protocol->nlaw, values, -1);
+    int law =
+        frame_names(frame, DESCRIBED_LAW, protocol->law, protocol->nlaw, values, frame->select);
     int state = frame_names(frame, DESCRIBED_STATE, protocol->state, protocol->nstate, values, -1);
     int wanted;
 
@@ -222,7 +314,7 @@ static bool axis_switch(struct described_node *node, struct described_axis *axis
 
     /* Change faults, law and state before the targets, because these changes reset the targets */
     if (frame->clear) {
-        axis->faults &= ~axis->latched;
+        axis->faults &= ~(axis->latched | protocol->sticky) | axis->present;
         axis->latched = 0;
         axis_show(axis);
         if (axis->active == DESCRIBED_FAULT) {
@@ -262,12 +354,11 @@ bool described_axis_obey(struct described_node *node, unsigned index,
     if (!frame->commands) {
         return true;
     }
-    axis->commands++;
-    axis->command_ns = node->board.boards->now_ns;
+    axis_count_command(node, axis);
     for (size_t i = 0; i < frame->nfield && described_axis_runs(axis); i++) {
         const struct described_field *field = &frame->field[i];
 
-        if (field->meaning >= DESCRIBED_SET_POINT && field->meaning <= DESCRIBED_TO_KD &&
+        if (field->meaning >= DESCRIBED_SET_POINT && field->meaning < DESCRIBED_TARGETS_END &&
             (frame->of_one || field->axis == index)) {
             axis_set_target(node, axis, field, values[i]);
         }
@@ -283,6 +374,7 @@ static void described_motor_power_up(struct board *board)
     struct described_node *node = described_node_of(board);
     bool first = described_node_power_up(node);
     const struct described_gains *gains = &node->protocol->gains;
+    const int64_t own_ns = node->protocol->command_timeout_ns;
     /* The host has set no limits yet: only the limits of the rig apply */
     const double setting[] = {
         [DESCRIBED_VELOCITY_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
@@ -290,6 +382,12 @@ static void described_motor_power_up(struct board *board)
         [DESCRIBED_POSITION_GAIN - DESCRIBED_SETTING] = gains->position_per_s,
         [DESCRIBED_VELOCITY_GAIN - DESCRIBED_SETTING] = gains->velocity_nm_s_rad,
         [DESCRIBED_INTEGRAL_GAIN - DESCRIBED_SETTING] = gains->velocity_nm_rad,
+        [DESCRIBED_POSITION_SPEED_LIMIT - DESCRIBED_SETTING] = HUGE_VAL,
+        [DESCRIBED_COMMAND_TIMEOUT - DESCRIBED_SETTING] =
+            (double)(own_ns < 0 ? 0
+                     : own_ns   ? own_ns
+                                : board->config.command_timeout_ns) *
+            1e-9,
     };
 
     for (unsigned i = 0; i < node->axes; i++) {
@@ -304,11 +402,13 @@ static void described_motor_power_up(struct board *board)
         axis->law = 0;
         axis->active = DESCRIBED_OFF;
         axis->base.mode = DESCRIBED_OFF;
-        axis->latched = axis->faults = 0;
+        axis->latched = axis->faults = axis->present = 0;
         axis->commands = 0;
+        axis->temperature_c = PLANT_AMBIENT_C;
         axis->zero_rad = 0.0;
         axis->wanted_a = 0.0;
         memcpy(axis->setting, setting, sizeof axis->setting);
+        axis_restore(node, axis, first);
         axis_forget(node, axis);
     }
     if (!first) {
@@ -347,8 +447,8 @@ static uint32_t axis_present_faults(const struct described_node *node, struct de
     double hottest_c =
         config->temperature_limit_c > 0.0 ? config->temperature_limit_c : TEMPERATURE_MAX_C;
     const uint32_t common = axis_find_faults(board, &axis->base, config->current_limit_a);
-    const int64_t own_ns = node->protocol->command_timeout_ns;
-    const int64_t timeout_ns = own_ns != 0 ? own_ns : board->config.command_timeout_ns;
+    const double timeout_s = fmin(axis_setting(axis, DESCRIBED_COMMAND_TIMEOUT), 1e9);
+    const int64_t timeout_ns = (int64_t)(timeout_s * 1e9 + 0.5);
     const bool stale = described_axis_runs(axis) && timeout_ns > 0 &&
                        board->boards->now_ns - axis->command_ns > timeout_ns;
 
@@ -372,7 +472,8 @@ static void axis_expire(struct described_node *node, struct described_axis *axis
     node->board.boards->counters.timeouts++;
     board_event(&node->board, BOARD_EVENT_TIMEOUT, axis_index(node, axis), axis->active, 0);
     if (state >= 0) {
-        axis->latched |= UINT32_C(1) << DESCRIBED_STALE;
+        axis->latched |= (uint32_t)(node->protocol->state[state].law == DESCRIBED_FAULT)
+                         << DESCRIBED_STALE;
         axis_enter(node, axis, state, axis->law);
     } else {
         double voltage_v = axis->base.voltage_v, overload_ms = axis->base.overload_ms;
@@ -388,7 +489,8 @@ static void axis_expire(struct described_node *node, struct described_axis *axis
 static void axis_watch_faults(struct described_node *node, struct described_axis *axis)
 {
     struct boards_counters *counters = &node->board.boards->counters;
-    uint32_t faults = axis_present_faults(node, axis), risen = faults & ~axis->faults;
+    uint32_t faults = axis_present_faults(node, axis);
+    uint32_t risen = faults & ~(axis->present | axis->latched);
     unsigned index = axis_index(node, axis);
 
     if (risen >> DESCRIBED_STALE & 1) {
@@ -408,16 +510,20 @@ static void axis_watch_faults(struct described_node *node, struct described_axis
     counters->trips += risen >> DESCRIBED_OVER_TEMPERATURE & 1;
     if (faults & DESCRIBED_FATAL && described_axis_runs(axis)) {
         axis->latched |= faults & DESCRIBED_FATAL;
-        axis_enter(node, axis, node->protocol->fault_state, axis->law);
+        axis_enter(node, axis, described_fault_state(node->protocol, axis->latched), axis->law);
     }
-    axis->faults = faults | axis->latched;
+    axis->present = faults;
+    axis->faults = faults | (axis->latched & ~node->protocol->momentary) |
+                   (axis->faults & node->protocol->sticky);
 }
 
 /* ---- laws ---- */
 
 double described_axis_current_limit(const struct described_node *node, unsigned axis)
 {
-    return fmin(node->board.config.axis[axis].current_limit_a,
+    double cap = axis_target(&node->axis[axis], DESCRIBED_TO_CURRENT_CAP);
+
+    return fmin(fmin(node->board.config.axis[axis].current_limit_a, cap > 0.0 ? cap : HUGE_VAL),
                 axis_setting(&node->axis[axis], DESCRIBED_CURRENT_LIMIT));
 }
 
@@ -447,7 +553,8 @@ static double axis_velocity_law(const struct described_node *node, struct descri
                                 double wanted_rad_s)
 {
     const struct board_axis_config *config = axis_config(node, axis);
-    double limit = axis_setting(axis, DESCRIBED_VELOCITY_LIMIT);
+    double cap = axis_target(axis, DESCRIBED_TO_VELOCITY_CAP);
+    double limit = fmin(axis_setting(axis, DESCRIBED_VELOCITY_LIMIT), cap > 0.0 ? cap : HUGE_VAL);
     double most = config->torque_nm_a * config->current_limit_a, error;
 
     wanted_rad_s = fmax(fmin(wanted_rad_s, limit), -limit);
@@ -477,6 +584,8 @@ static double axis_position_error(const struct described_node *node,
 /* Returns the voltage of the law in force. */
 static double axis_law_voltage(const struct described_node *node, struct described_axis *axis)
 {
+    double speed, wanted;
+
     switch (axis->active) {
     case DESCRIBED_VOLTAGE:
         return axis_target(axis, DESCRIBED_TO_VOLTAGE) +
@@ -488,10 +597,10 @@ static double axis_law_voltage(const struct described_node *node, struct describ
     case DESCRIBED_VELOCITY:
         return axis_velocity_law(node, axis, axis_target(axis, DESCRIBED_TO_VELOCITY));
     case DESCRIBED_POSITION:
-        return axis_velocity_law(node, axis,
-                                 axis_setting(axis, DESCRIBED_POSITION_GAIN) *
-                                         axis_position_error(node, axis) +
-                                     axis_target(axis, DESCRIBED_TO_VELOCITY));
+        speed = axis_setting(axis, DESCRIBED_POSITION_SPEED_LIMIT);
+        wanted = axis_setting(axis, DESCRIBED_POSITION_GAIN) * axis_position_error(node, axis) +
+                 axis_target(axis, DESCRIBED_TO_VELOCITY);
+        return axis_velocity_law(node, axis, fmax(fmin(wanted, speed), -speed));
     case DESCRIBED_IMPEDANCE:
         return axis_torque_law(
             node, axis,

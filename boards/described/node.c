@@ -36,6 +36,16 @@ bool described_node_power_up(struct described_node *node)
     while (node->axes > 0 && bus->slot[node->first_slot].node != node) {
         node->first_slot++;
     }
+    node->host_number = 0;
+    for (size_t i = 0; i < node->protocol->nframe; i++) {
+        const struct described_frame *frame = &node->protocol->frame[i];
+        int host = described_find_field(frame, DESCRIBED_HOST_NUMBER);
+
+        node->answer_id =
+            frame->answer_id ? described_id(frame, node->board.address) : node->answer_id;
+        node->host_number =
+            !frame->from_host && host >= 0 ? (uint32_t)frame->field[host].host : node->host_number;
+    }
     described_bus_forget_counts(bus, node);
     /* Without transmit_at_start, a period that the host can set starts at 0: no telemetry */
     described_node_set_period(
@@ -63,25 +73,66 @@ static const struct described_field *described_node_parameter(const struct descr
     return parameter ? &parameter->field : NULL;
 }
 
-/* Returns the count of a field for an axis. request: the frame to be answered; NULL = no answer. */
-static int64_t described_node_count(const struct described_node *node, unsigned index,
-                                    const struct described_field *field,
-                                    const struct described_frame *request, const int64_t *values)
+struct described_field described_node_field(const struct described_node *node, unsigned axis,
+                                            const struct described_field *field)
+{
+    const struct described_parameter *factor;
+
+    if (field->times < 0) {
+        return *field;
+    }
+    factor = &node->protocol->parameter[field->times];
+    return node->axes == 0
+               ? described_model_field(node->protocol, 0, field)
+               : described_scaled(
+                     field, described_value(&factor->field, node->stored[axis][field->times]));
+}
+
+/* Returns the state that an axis reports: its own, or that of a fault while the axis is off. */
+static const struct described_state *described_reported_state(const struct described_node *node,
+                                                              const struct described_axis *axis)
+{
+    const struct described_protocol *protocol = node->protocol;
+    const uint32_t faults = axis->faults & DESCRIBED_FATAL;
+    int fault = axis->state == protocol->off_state && faults
+                    ? protocol->fault_for[__builtin_ctz(faults)]
+                    : -1;
+
+    return &protocol->state[fault < 0 ? axis->state : fault];
+}
+
+int64_t described_node_count(const struct described_node *node, unsigned index,
+                             const struct described_field *field,
+                             const struct described_frame *request, const int64_t *values)
 {
     const struct described_protocol *protocol = node->protocol;
     const struct board_axis_config *config = &node->board.config.axis[index];
     const struct described_axis *axis = &node->axis[index];
     const double supply_v = node->board.boards->supply_v;
+    const struct described_state *reported;
+    const struct described_field *const given = field;
+    struct described_field now;
     int32_t motor = 0, link = 0;
     int echoed;
     double value;
 
+    if (field->times >= 0) {
+        now = described_node_field(node, index, field);
+        field = &now;
+    }
     switch (field->meaning) {
     /* Identity */
     case DESCRIBED_NOTHING:
         return 0;
     case DESCRIBED_CONSTANT:
         return field->constant;
+    case DESCRIBED_STORED:
+        return node->stored[index][container_of(given, struct described_parameter, field) -
+                                   protocol->parameter];
+    case DESCRIBED_HOST_NUMBER:
+        return node->host_number;
+    case DESCRIBED_ANSWER_ID:
+        return node->answer_id;
     case DESCRIBED_ECHO:
         echoed = request && field->constant >= 0 ? request->echo[field->constant] : -1;
         return echoed < 0 ? (int64_t)field->host : values[echoed];
@@ -100,15 +151,18 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
                                     strlen(node->board.config.name));
     /* States, faults and counts */
     case DESCRIBED_STATE:
-        return protocol->state[axis->state].value;
+        return described_reported_state(node, axis)->value;
     case DESCRIBED_RESULT:
-        return axis->result;
+        reported = described_reported_state(node, axis);
+        return reported == &protocol->state[axis->state] ? axis->result : reported->result;
     case DESCRIBED_LAW:
         return node->kind == DESCRIBED_MOTOR && protocol->nlaw ? protocol->law[axis->law].value : 0;
     case DESCRIBED_FAULTS:
         return described_fault_bits(protocol, axis->faults);
     case DESCRIBED_LATCHED_FAULTS:
         return described_fault_bits(protocol, axis->latched);
+    case DESCRIBED_FAULT_BIT:
+        return axis->faults >> field->constant & 1;
     case DESCRIBED_FAULTY:
         return (axis->faults & DESCRIBED_FATAL) != 0;
     case DESCRIBED_SATURATED:
@@ -190,6 +244,8 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
     case DESCRIBED_POSITION_GAIN:
     case DESCRIBED_VELOCITY_GAIN:
     case DESCRIBED_INTEGRAL_GAIN:
+    case DESCRIBED_COMMAND_TIMEOUT:
+    case DESCRIBED_POSITION_SPEED_LIMIT:
         value = axis->setting[field->meaning - DESCRIBED_SETTING];
         break;
     case DESCRIBED_TEMPERATURE:
@@ -199,11 +255,18 @@ static int64_t described_node_count(const struct described_node *node, unsigned 
         return described_count(field, PLANT_AMBIENT_C);
     case DESCRIBED_AMBIENT:
         return described_count(field, PLANT_AMBIENT_C);
-    /* Channels of a sensor */
     default:
+        if (field->meaning >= DESCRIBED_SET_POINT && field->meaning < DESCRIBED_TARGETS_END) {
+            value = axis->target[field->meaning - DESCRIBED_SET_POINT];
+            break;
+        }
+        /* Channels of a sensor */
         return node->kind != DESCRIBED_MOTOR && field->meaning >= DESCRIBED_CHANNEL
                    ? described_count(field, node->channel[field->meaning - DESCRIBED_CHANNEL])
                    : 0;
+    }
+    if (field->wraps && fabs(value) < 1e6) {
+        return llrint((value - field->offset) / field->scale); /* described_node_fill wraps it */
     }
     return node->kind == DESCRIBED_MOTOR ? described_count(field, value) : 0;
 }
@@ -220,7 +283,7 @@ static void described_node_fill(struct described_node *node, unsigned axis, size
                       : frame->by == DESCRIBED_BY_SLOT  ? node->first_slot + axis
                                                         : 0;
 
-    out->id = described_id(frame, number);
+    out->id = frame->answer_id ? node->answer_id : described_id(frame, number);
     out->flags = frame->flags;
     out->len = described_length(frame, parts);
     for (unsigned part = 0; part < parts; part++) {
@@ -238,6 +301,7 @@ static void described_node_fill(struct described_node *node, unsigned axis, size
                 count = described_node_count(node, of, source, request, values);
                 count = source == field ? count : count & UINT32_MAX;
             }
+            count = field->wraps ? described_signed(field, (uint64_t)count) : count;
             described_put(field, count, part * frame->length, out);
         }
     }
@@ -307,6 +371,9 @@ static bool described_frame_due(const struct described_node *node, unsigned axis
     if (frame->on_change &&
         (report->state != node->axis[axis].state || report->faults != node->axis[axis].faults ||
          report->result != node->axis[axis].result)) {
+        return true;
+    }
+    if (frame->on_fault && node->axis[axis].faults & ~report->faults & DESCRIBED_FATAL) {
         return true;
     }
     if (period_ms == 0 || (frame->optional && !node->board.config.transmit_at_start)) {

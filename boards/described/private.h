@@ -22,11 +22,11 @@ struct described_bus {
     struct described_slot slot[DESCRIBED_SLOTS];
     unsigned slots;
     /* Last counter value + 1 of each frame from the host, by frame and number; 0 = none yet */
-    uint32_t heard[DESCRIBED_FRAMES_MAX][DESCRIBED_SLOTS];
+    uint32_t heard[DESCRIBED_FRAMES_MAX][BOARD_ADDRESSES];
 };
 
 enum {
-    DESCRIBED_TARGETS = DESCRIBED_TO_KD - DESCRIBED_SET_POINT + 1,
+    DESCRIBED_TARGETS = DESCRIBED_TARGETS_END - DESCRIBED_SET_POINT,
     DESCRIBED_CHANNELS = DESCRIBED_MEANINGS - DESCRIBED_CHANNEL,
 };
 
@@ -38,7 +38,8 @@ struct described_axis {
     int64_t entered_ns;               /* time of the last change of state */
     enum described_law active;        /* the law in force */
     uint32_t latched;                 /* faults that opened the bridge */
-    uint32_t faults;                  /* latched and present faults */
+    uint32_t present;                 /* faults in the last tick */
+    uint32_t faults;                  /* faults that the axis reports */
     double target[DESCRIBED_TARGETS]; /* SI; index: meaning - DESCRIBED_SET_POINT */
     int64_t command_ns;
     uint32_t commands; /* number of commands received */
@@ -69,6 +70,11 @@ struct described_node {
     /* channels of a sensor; index: meaning - DESCRIBED_CHANNEL */
     double channel[DESCRIBED_CHANNELS];
     uint32_t saturated; /* one bit per channel of a sensor */
+    uint32_t host_number, answer_id;
+    /* By axis and parameter: values of DESCRIBED_STORED; values that a restart restores */
+    uint32_t stored[DESCRIBED_AXES][DESCRIBED_PARAMETERS_MAX];
+    uint32_t kept[DESCRIBED_AXES][DESCRIBED_PARAMETERS_MAX];
+    bool is_kept[DESCRIBED_AXES][DESCRIBED_PARAMETERS_MAX];
     struct described_report report[DESCRIBED_AXES][DESCRIBED_FRAMES_MAX];
 };
 
@@ -117,6 +123,16 @@ void described_node_transmit(struct board *board, struct ms_span span, struct fr
  * NULL = no answer. */
 void described_node_answer(struct described_node *node, unsigned axis, size_t index,
                            const struct described_frame *request, const int64_t *values);
+
+/* Returns the count of a field for an axis. request: the frame to be answered, with its counts
+ * `values`; NULL = no answer. */
+int64_t described_node_count(const struct described_node *node, unsigned axis,
+                             const struct described_field *field,
+                             const struct described_frame *request, const int64_t *values);
+
+/* Returns a field with the present value of its factor. */
+struct described_field described_node_field(const struct described_node *node, unsigned axis,
+                                            const struct described_field *field);
 
 /* Sets the telemetry period; 0 = no telemetry. */
 void described_node_set_period(struct described_node *node, int64_t period_ms);

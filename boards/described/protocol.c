@@ -94,8 +94,10 @@ static void visit_frame(struct message_walk *walk, size_t index, int board, unsi
         .cycle_ns = frame_cycle_ns(walk, index, config),
         .constant = frame->nconstant == frame->nfield,
         .row = frame,
-        .fields = frame->layout,
-        .id_fields = frame->id_layout,
+        .fields =
+            frame->model_layout ? frame->model_layout[config ? config->model : 0] : frame->layout,
+        .id_fields = frame->model_id_layout ? frame->model_id_layout[config ? config->model : 0]
+                                            : frame->id_layout,
         .repeats = (uint8_t)repeats,
         .slot = slot,
         .list = frame->repeats > 1,
@@ -182,7 +184,7 @@ static void described_comment_message(const struct message *message, char *text,
 
     text[0] = '\0';
     /* Fields of the identifier */
-    for (const struct field *f = row->id_layout; f && f->type != FIELD_END; f++) {
+    for (const struct field *f = message->id_fields; f && f->type != FIELD_END; f++) {
         unsigned bits = f->type & FIELD_BITS_MASK;
 
         if (!(f->type & FIELD_PADDING) && row->field[i++].meaning != DESCRIBED_CONSTANT) {
@@ -303,6 +305,10 @@ static bool described_describe_event(const struct boards_bus_config *bus,
         break;
     case DESCRIBED_WRONG_LAW:
         snprintf(text, size, "its law controls a current, expected one that a servo valve has");
+        break;
+    case DESCRIBED_WRONG_MODE:
+        snprintf(text, size, "the selected law is %s, expected %s", protocol->law[event->b].name,
+                 protocol->law[event->c].name);
         break;
     }
     return true;

@@ -27,12 +27,13 @@
 
 enum {
     DESCRIBED_FRAMES_MAX = 64,
-    DESCRIBED_PARAMETERS_MAX = 48,
-    DESCRIBED_STATES_MAX = 16,
+    DESCRIBED_PARAMETERS_MAX = 256,
+    DESCRIBED_MODELS_MAX = 32,
+    DESCRIBED_STATES_MAX = 32,
     DESCRIBED_LAWS_MAX = 8,
     DESCRIBED_LIST_MAX = 8, /* frames in one step of the host */
     DESCRIBED_ECHOES = 4,   /* most echo fields in a frame */
-    DESCRIBED_ADDRESS_MAX = 31,
+    DESCRIBED_ADDRESS_MAX = 254,
     DESCRIBED_SLOTS = 32,      /* axes of a bus */
     DESCRIBED_AXES = 4,        /* most axes of a motor board */
     DESCRIBED_FIELDS_MAX = 64, /* most fields of a frame, in data and identifier */
@@ -85,6 +86,7 @@ static inline bool described_law_suits_valve(enum described_law law)
 enum described_meaning {
     DESCRIBED_NOTHING,
     DESCRIBED_CONSTANT, /* constant that identifies the frame */
+    DESCRIBED_STORED,   /* parameter that a host writes and reads back */
     /* These select axes */
     DESCRIBED_SLOTS_MASK,
     DESCRIBED_ADDRESS,
@@ -98,6 +100,8 @@ enum described_meaning {
     DESCRIBED_CHECKSUM,        /* checksum of the other bytes: struct described_frame */
     DESCRIBED_PARAMETER,       /* number of a parameter */
     DESCRIBED_PARAMETER_VALUE, /* bits of a parameter: struct described_parameter */
+    DESCRIBED_HOST_NUMBER,     /* number of the host that a board answers */
+    DESCRIBED_ANSWER_ID,       /* identifier of the frames with answer_id */
     /* Settings of an axis, in frames of both directions. A restart of the board resets them */
     DESCRIBED_SETTING,
     DESCRIBED_VELOCITY_LIMIT = DESCRIBED_SETTING,
@@ -105,6 +109,8 @@ enum described_meaning {
     DESCRIBED_POSITION_GAIN,
     DESCRIBED_VELOCITY_GAIN,
     DESCRIBED_INTEGRAL_GAIN,
+    DESCRIBED_COMMAND_TIMEOUT,      /* 0 = none */
+    DESCRIBED_POSITION_SPEED_LIMIT, /* limit of the speed that a position law commands */
     DESCRIBED_SETTINGS_END,
     /* Command: redefines the zero so that the present position gets this value */
     DESCRIBED_PRESENT_POSITION = DESCRIBED_SETTINGS_END,
@@ -118,6 +124,10 @@ enum described_meaning {
     DESCRIBED_TO_POSITION,
     DESCRIBED_TO_KP,
     DESCRIBED_TO_KD,
+    DESCRIBED_TO_VELOCITY_CAP, /* this and the next: limits of the present law; 0 = none */
+    DESCRIBED_TO_CURRENT_CAP,
+    DESCRIBED_TARGETS_END,
+    DESCRIBED_NEW_ADDRESS = DESCRIBED_TARGETS_END, /* gives the board another address */
     /* Sources of an axis */
     DESCRIBED_MOTOR_POSITION,
     DESCRIBED_LINK_POSITION,
@@ -140,6 +150,7 @@ enum described_meaning {
     DESCRIBED_SLOT,
     DESCRIBED_RESULT,         /* second number of a state (struct described_state) */
     DESCRIBED_LATCHED_FAULTS, /* faults that opened the bridge */
+    DESCRIBED_FAULT_BIT,      /* 1 = the fault `constant` is reported */
     /* Sources of a board */
     DESCRIBED_FAULTS,
     DESCRIBED_FAULTY, /* 1 = a fault that opens the bridge is present or latched */
@@ -205,11 +216,14 @@ struct described_field {
     uint64_t mask, sign;          /* mask of the count; sign: its sign bit, 0 = unsigned */
     unsigned axis;                /* axis of the board, in a frame that reports several axes */
     int64_t low, high;            /* range of the count */
-    /* DESCRIBED_CONSTANT: its count; DESCRIBED_ECHO: index in `echo` of the request */
+    /* DESCRIBED_CONSTANT, DESCRIBED_STORED: its count; DESCRIBED_ECHO: index in `echo` of the
+     * request; DESCRIBED_FAULT_BIT: enum described_fault */
     int64_t constant;
     double scale, offset;
     /* value that our host sends by default; DESCRIBED_ECHO: count if the request lacks the field */
     double host;
+    int16_t times; /* parameter by which the value is multiplied; -1 = none */
+    bool wraps;    /* a count beyond the range wraps around */
 };
 
 struct described_frame {
@@ -226,10 +240,15 @@ struct described_frame {
     /* lengths that a board accepts; missing fields are 0, extra bytes ignored */
     uint8_t shortest, longest;
     uint8_t repeats;
+    uint8_t index;              /* in the protocol */
+    bool either;                /* boards accept classic CAN and CAN FD */
+    bool answer_id;             /* a host may change the identifier (DESCRIBED_ANSWER_ID) */
     size_t nfield, ndata;       /* all fields, fields in the data */
     const struct field *layout; /* fields of the data, with padding; ends with FIELD_END */
     /* fields of the 32-bit identifier, from bit 0 up; NULL = none */
     const struct field *id_layout;
+    /* layouts of data and identifier by model; NULL = the same for all models */
+    const struct field **model_layout, **model_id_layout;
     struct described_field *field;    /* fields of layout, then of id_layout, without padding */
     int8_t first[DESCRIBED_MEANINGS]; /* first field of each meaning; -1 = none */
     /* fields that a host reads, in order: torques and rates before the angles computed from them */
@@ -248,6 +267,7 @@ struct described_frame {
     unsigned spread_ms; /* delay is spread_ms times the number in the identifier */
     bool telemetry;     /* sent every telemetry period of the rig or the host */
     bool on_change;     /* also sent when state or faults change */
+    bool on_fault;      /* sent when there are other faults */
     bool on_restart;
     bool optional; /* periodic only on boards with transmit_at_start */
 
@@ -256,6 +276,9 @@ struct described_frame {
     struct board_reply_time time;  /* time of the answer */
     int8_t echo[DESCRIBED_ECHOES]; /* fields that echoes in the answer copy; -1 = none */
     int enter;                     /* state to enter; -1 = none */
+    int select;                    /* law to select; -1 = none */
+    int only;                      /* law in which the frame is obeyed; -1 = any */
+    bool save;                     /* keeps the parameters over a restart */
     bool zero;                     /* sets the present position to 0 */
     bool stop;                     /* emergency stop */
     bool clear;                    /* clears faults */
@@ -270,15 +293,27 @@ struct described_state {
     const char *name;
     int64_t value, result; /* result: second number of the state, for DESCRIBED_RESULT */
     enum described_law law;
+    const char *fault; /* law fault: the fault that leads here; NULL = faults without a state */
     double set_point_scale;
     /* after this time the axis enters the first state with law off; 0 = never */
     int64_t lasts_ns;
 };
 
-/* A parameter that a host reads by its number, and writes if it is a setting. */
+/* A parameter that a host reads by its number, and may write. */
 struct described_parameter {
+    const char *name;
     uint32_t number;
+    bool numbered; /* false: only a factor of fields */
+    bool writable;
+    bool positive; /* a factor of fields: zero, negative and infinite values are refused */
     struct described_field field;
+};
+
+/* Values of parameters in a new drive of one type. */
+struct described_model {
+    const char *name;
+    const int64_t *count; /* by parameter */
+    const bool *given;    /* by parameter: count is a value to write at power-up */
 };
 
 /* Gains of the inner loops. */
@@ -307,6 +342,9 @@ struct described_protocol {
     const struct described_state *state, *law;
     int off_state, fault_state;           /* states after power-up and after a fault */
     int fault_bit[DESCRIBED_FAULT_KINDS]; /* -1 = not reported */
+    int fault_for[DESCRIBED_FAULT_KINDS]; /* state of its own; -1 = none */
+    uint32_t sticky, momentary;           /* bit masks of faults */
+    bool saves;                           /* some frame keeps the parameters */
     int64_t command_timeout_ns;           /* 0 = the rig's time-out; -1 = none */
     int timeout_state;                    /* -1 = keep the state and reset the set points */
     /* state with law refused, for unknown state values; -1 = the frame is malformed */
@@ -318,6 +356,8 @@ struct described_protocol {
     struct described_gains gains;
     size_t nparameter;
     struct described_parameter parameter[DESCRIBED_PARAMETERS_MAX];
+    size_t nmodel; /* at least 1 */
+    struct described_model model[DESCRIBED_MODELS_MAX];
 
     /* Bit masks of frames: one for each 11-bit identifier, all with 29-bit identifiers, all from
      * the host */
@@ -340,6 +380,16 @@ static inline enum described_law described_state_law(const struct described_prot
     return of == DESCRIBED_SELECTED ? protocol->law[law].law : of;
 }
 
+/* Returns the state of an axis with these faults: the state of the first fault, or the common
+ * state. */
+static inline int described_fault_state(const struct described_protocol *protocol, uint32_t faults)
+{
+    int fault = faults ? __builtin_ctz(faults) : 0;
+
+    return faults && protocol->fault_for[fault] >= 0 ? protocol->fault_for[fault]
+                                                     : protocol->fault_state;
+}
+
 /* Returns the meaning of a set point under a law; DESCRIBED_NOTHING = the law has none. */
 static inline enum described_meaning described_law_target(enum described_law law)
 {
@@ -350,12 +400,13 @@ static inline enum described_meaning described_law_target(enum described_law law
                : DESCRIBED_NOTHING;
 }
 
-/* Reads a protocol file. Errors begin with file:line:column. Not RT-safe. */
-enum error_code described_load(const char *path, struct arena *arena,
+/* Reads a protocol file. fd: the bus has CAN FD, for files whose frames follow the bus. Errors
+ * begin with file:line:column. Not RT-safe. */
+enum error_code described_load(const char *path, bool fd, struct arena *arena,
                                const struct described_protocol **protocol, struct error *error);
 
 /* Reads a protocol file from memory; `name` appears in errors. Not RT-safe. */
-enum error_code described_read_text(const char *name, const char *text, size_t size,
+enum error_code described_read_text(const char *name, const char *text, size_t size, bool fd,
                                     struct arena *arena, const struct described_protocol **protocol,
                                     struct error *error);
 
@@ -384,6 +435,29 @@ static inline double described_value(const struct described_field *field, int64_
     double scaled = field->real ? described_real((uint32_t)count) : (double)count;
 
     return scaled * field->scale + field->offset;
+}
+
+/* Returns a field whose scale and offset are those of a factor. */
+static inline struct described_field described_scaled(const struct described_field *field,
+                                                      double factor)
+{
+    struct described_field scaled = *field;
+
+    scaled.scale *= factor;
+    scaled.offset *= factor;
+    return scaled;
+}
+
+/* Returns a field as a new drive of a model has it. */
+static inline struct described_field
+described_model_field(const struct described_protocol *protocol, unsigned model,
+                      const struct described_field *field)
+{
+    return field->times < 0
+               ? *field
+               : described_scaled(field,
+                                  described_value(&protocol->parameter[field->times].field,
+                                                  protocol->model[model].count[field->times]));
 }
 
 /* Returns a count wrapped around to the bits of a field, without saturation. */
@@ -466,6 +540,12 @@ static inline uint64_t described_load_window(const struct described_field *field
     return field->big_endian ? be64toh(bits) : le64toh(bits);
 }
 
+/* Returns the count in the lowest bits of a number. */
+static inline int64_t described_signed(const struct described_field *field, uint64_t bits)
+{
+    return (int64_t)(((bits & field->mask) ^ field->sign) - field->sign);
+}
+
 /* Returns the count of a field. after: first byte of the repetition that contains the field. 0 if
  * the field is beyond the end of the frame. */
 static inline int64_t described_get(const struct described_field *field,
@@ -479,8 +559,7 @@ static inline int64_t described_get(const struct described_field *field,
         }
         bits = described_load_window(field, sent->data + field->byte + after);
     }
-    bits = bits >> field->shift & field->mask;
-    return (int64_t)((bits ^ field->sign) - field->sign);
+    return described_signed(field, bits >> field->shift);
 }
 
 /* Writes a count, clamped to the range of the field, into data or identifier. The field must be 0
@@ -542,6 +621,7 @@ enum described_wrong {
     DESCRIBED_WRONG_COUNTER,
     DESCRIBED_WRONG_VALUE, /* `expected` is the index of the field */
     DESCRIBED_WRONG_LAW,   /* a servo valve does not support the law */
+    DESCRIBED_WRONG_MODE,  /* another law is selected; found and expected are laws */
 };
 
 /* Result of comparing a frame with a row. */

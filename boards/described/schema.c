@@ -2,6 +2,8 @@
 /* The keys of a protocol file: names, types, ranges and defaults, in tables for base/yaml.h. */
 #include "boards/described/load.h"
 
+#include <float.h>
+
 #define AT(member) offsetof(struct STRUCT, member)
 
 static const struct word type_names[] = {
@@ -42,11 +44,16 @@ static const struct word target_names[] = {
     {"telemetry_period", DESCRIBED_TELEMETRY_PERIOD},
     {"parameter", DESCRIBED_PARAMETER},
     {"parameter_value", DESCRIBED_PARAMETER_VALUE},
+    {"host_number", DESCRIBED_HOST_NUMBER},
+    {"new_address", DESCRIBED_NEW_ADDRESS},
     {"velocity_limit", DESCRIBED_VELOCITY_LIMIT},
     {"current_limit", DESCRIBED_CURRENT_LIMIT},
     {"position_gain", DESCRIBED_POSITION_GAIN},
     {"velocity_gain", DESCRIBED_VELOCITY_GAIN},
     {"integral_gain", DESCRIBED_INTEGRAL_GAIN},
+    {"command_timeout", DESCRIBED_COMMAND_TIMEOUT},
+    {"position_speed_limit", DESCRIBED_POSITION_SPEED_LIMIT},
+    {"answer_id", DESCRIBED_ANSWER_ID},
     {"present_position", DESCRIBED_PRESENT_POSITION},
     {"set_point", DESCRIBED_SET_POINT},
     {"voltage", DESCRIBED_TO_VOLTAGE},
@@ -57,6 +64,8 @@ static const struct word target_names[] = {
     {"position", DESCRIBED_TO_POSITION},
     {"kp", DESCRIBED_TO_KP},
     {"kd", DESCRIBED_TO_KD},
+    {"velocity_cap", DESCRIBED_TO_VELOCITY_CAP},
+    {"current_cap", DESCRIBED_TO_CURRENT_CAP},
     {NULL, 0},
 };
 static const struct word source_names[] = {
@@ -71,6 +80,10 @@ static const struct word source_names[] = {
     {"position_gain", DESCRIBED_POSITION_GAIN},
     {"velocity_gain", DESCRIBED_VELOCITY_GAIN},
     {"integral_gain", DESCRIBED_INTEGRAL_GAIN},
+    {"command_timeout", DESCRIBED_COMMAND_TIMEOUT},
+    {"position_speed_limit", DESCRIBED_POSITION_SPEED_LIMIT},
+    {"host_number", DESCRIBED_HOST_NUMBER},
+    {"answer_id", DESCRIBED_ANSWER_ID},
     {"result", DESCRIBED_RESULT},
     {"motor_position", DESCRIBED_MOTOR_POSITION},
     {"link_position", DESCRIBED_LINK_POSITION},
@@ -161,7 +174,10 @@ static const struct yaml_field field_fields[] = {
     {"range", YAML_REALS, false, AT(range), .count = 2, .min = -1e12, .max = 1e12},
     {"source", YAML_ENUM, false, AT(field.meaning), .names = source_names},
     {"target", YAML_ENUM, false, AT(field.meaning), .names = target_names},
-    {"value", YAML_INT, false, AT(field.constant), .min = INT32_MIN, .max = UINT32_MAX},
+    {"value", YAML_REAL, false, AT(value), .min = -FLT_MAX, .max = FLT_MAX},
+    {"times", YAML_STRING, false, AT(times), .min = 1, .max = 31},
+    {"fault", YAML_STRING, false, AT(fault), .min = 1, .max = 31},
+    {"wraps", YAML_BOOL, false, .offset = AT(field.wraps)},
     {"counter", YAML_BOOL, false, .offset = AT(counter)},
     {"checksum", YAML_ENUM, false, AT(checksum), .names = checksum_names},
     {"host_value", YAML_REAL, false, AT(field.host), .min = -1e12, .max = 1e12},
@@ -170,7 +186,8 @@ static const struct yaml_field field_fields[] = {
     {"values", YAML_REAL_DICT, false, AT(entry), .count_offset = AT(nentry)},
 };
 /* The loader sets the `constant` of an echo later (described_link_echo) */
-static const struct raw_described_field field_defaults = {.field = {.constant = -1, .scale = 1.0}};
+static const struct raw_described_field field_defaults = {
+    .field = {.constant = -1, .scale = 1.0, .times = -1}};
 static const struct yaml_schema field_schema =
     YAML_SCHEMA("a field", struct raw_described_field, field_fields, .defaults = &field_defaults);
 
@@ -202,6 +219,7 @@ static const struct yaml_field frame_fields[] = {
     {"spread_s", YAML_REAL, false, AT(spread_ns), .ns = true, .min = 0.0, .max = 1.0},
     {"telemetry", YAML_BOOL, false, .offset = AT(row.telemetry)},
     {"on_change", YAML_BOOL, false, .offset = AT(row.on_change)},
+    {"on_fault", YAML_BOOL, false, .offset = AT(row.on_fault)},
     {"on_restart", YAML_BOOL, false, .offset = AT(row.on_restart)},
     {"optional", YAML_BOOL, false, .offset = AT(row.optional)},
     {"reply", YAML_STRING, false, AT(reply), .min = 1, .max = 31},
@@ -210,6 +228,10 @@ static const struct yaml_field frame_fields[] = {
     {"reply_spread_s", YAML_REAL, false, AT(row.time.spread_ns), .ns = true, .min = 0.0,
      .max = BOARD_REPLY_MAX_S},
     {"enter", YAML_STRING, false, AT(enter), .min = 1, .max = 31},
+    {"select", YAML_STRING, false, AT(select), .min = 1, .max = 31},
+    {"only", YAML_STRING, false, AT(only), .min = 1, .max = 31},
+    {"answer_id", YAML_BOOL, false, .offset = AT(row.answer_id)},
+    {"save", YAML_BOOL, false, .offset = AT(row.save)},
     {"zero", YAML_BOOL, false, .offset = AT(row.zero)},
     {"stop", YAML_BOOL, false, .offset = AT(row.stop)},
     {"clear_faults", YAML_BOOL, false, .offset = AT(row.clear)},
@@ -230,20 +252,25 @@ static const struct yaml_field state_fields[] = {
     {"law", YAML_ENUM, true, AT(law), .names = law_names},
     {"set_point_scale", YAML_REAL, false, AT(set_point_scale), .min = -1e12, .max = 1e12},
     {"lasts_s", YAML_REAL, false, AT(lasts_ns), .ns = true, .min = 0.0, .max = 60.0},
+    {"fault", YAML_STRING, false, AT(fault), .min = 1, .max = 31},
 };
 static const struct described_state state_defaults = {.set_point_scale = 1.0};
 static const struct yaml_schema state_schema =
     YAML_SCHEMA("a state", struct described_state, state_fields, .defaults = &state_defaults);
 
+#undef STRUCT
+#define STRUCT raw_described_fault
 static const struct yaml_field bit_fields[] = {
-    {"bit", YAML_INT, true, 0, .count = sizeof(int), .min = 0, .max = 31},
+    {"bit", YAML_INT, true, AT(bit), .count = sizeof(int), .min = 0, .max = 31},
+    {"sticky", YAML_BOOL, false, .offset = AT(sticky)},
+    {"momentary", YAML_BOOL, false, .offset = AT(momentary)},
 };
-static const int no_bit = -1;
-static const struct yaml_schema bit_schema =
-    YAML_SCHEMA("a fault", int, bit_fields, .defaults = &no_bit, .unmarked = true);
+static const struct raw_described_fault no_bit = {.bit = -1};
+static const struct yaml_schema bit_schema = YAML_SCHEMA(
+    "a fault", struct raw_described_fault, bit_fields, .defaults = &no_bit, .unmarked = true);
 #define FAULT(name, kind)                                                                          \
     {                                                                                              \
-        name, YAML_MAP, false, (kind) * sizeof(int), .schema = &bit_schema                         \
+        name, YAML_MAP, false, (kind) * sizeof(struct raw_described_fault), .schema = &bit_schema  \
     }
 static const struct yaml_field fault_fields[] = {
     FAULT("under_voltage", DESCRIBED_UNDER_VOLTAGE),
@@ -263,16 +290,27 @@ static const struct yaml_field fault_fields[] = {
     FAULT("emergency_stop", DESCRIBED_STOPPED),
 };
 const struct yaml_schema described_faults_schema =
-    YAML_SCHEMA("the faults", int[DESCRIBED_FAULT_KINDS], fault_fields, .unmarked = true);
+    YAML_SCHEMA("the faults", struct raw_described_fault[DESCRIBED_FAULT_KINDS], fault_fields,
+                .unmarked = true);
 
 #undef STRUCT
 #define STRUCT raw_described_parameter
 static const struct yaml_field parameter_fields[] = {
-    {"number", YAML_INT, true, AT(number), .min = 0, .max = UINT32_MAX},
+    {"number", YAML_INT, false, AT(number), .min = 0, .max = UINT32_MAX},
+    {"writable", YAML_BOOL, false, .offset = AT(writable)},
     {"field", YAML_MAP, true, AT(field), .schema = &field_schema},
 };
 static const struct yaml_schema parameter_schema =
     YAML_SCHEMA("a parameter", struct raw_described_parameter, parameter_fields);
+
+#undef STRUCT
+#define STRUCT raw_described_model
+static const struct yaml_field model_fields[] = {
+    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
+    {"values", YAML_REAL_DICT, true, AT(entry), .count_offset = AT(nentry)},
+};
+static const struct yaml_schema model_schema =
+    YAML_SCHEMA("a model", struct raw_described_model, model_fields);
 
 #undef STRUCT
 #define STRUCT described_gains
@@ -306,6 +344,7 @@ static const struct yaml_field described_fields[] = {
     {"axes", YAML_INT, false, AT(axes), .count = sizeof(int), .min = 1, .max = DESCRIBED_AXES},
     {"address_max", YAML_INT, false, AT(address_max), .count = sizeof(int), .min = 1,
      .max = DESCRIBED_ADDRESS_MAX},
+    {"follow_fd", YAML_BOOL, false, .offset = AT(follow_fd)},
     {"command_timeout_s", YAML_REAL, false, AT(command_timeout_ns), .ns = true, .min = 0.0,
      .max = 60.0},
     {"reply_delay_s", YAML_REAL, false, AT(time.delay_ns), .ns = true, .min = 0.0,
@@ -316,14 +355,15 @@ static const struct yaml_field described_fields[] = {
     {"unknown_state", YAML_STRING, false, AT(unknown_state), .min = 1, .max = 31},
     {"states", YAML_LIST, true, AT(state), AT(nstate), .schema = &state_schema},
     {"laws", YAML_LIST, false, AT(law), AT(nlaw), .schema = &state_schema},
-    {"faults", YAML_MAP, false, AT(fault_bit), .schema = &described_faults_schema},
+    {"faults", YAML_MAP, false, AT(fault), .schema = &described_faults_schema},
     {"parameters", YAML_LIST, false, AT(parameter), AT(nparameter), .schema = &parameter_schema},
+    {"models", YAML_LIST, false, AT(model), AT(nmodel), .schema = &model_schema},
     {"gains", YAML_MAP, false, AT(gains), .schema = &gains_schema},
     {"frames", YAML_LIST, true, AT(frame), AT(nframe), .schema = &frame_schema},
     {"host", YAML_MAP, false, AT(host), .schema = &host_schema},
 };
 static const struct raw_described described_defaults = {
-    .description = "", .axes = 1, .address_max = DESCRIBED_ADDRESS_MAX};
+    .description = "", .axes = 1, .address_max = 31};
 const struct yaml_schema described_file_schema =
     YAML_SCHEMA("the protocol", struct raw_described, described_fields,
                 .defaults = &described_defaults, .format_version = 1);

@@ -67,6 +67,14 @@ def value_of(field: Mapping[str, Any], count: int) -> float:
     return count * field["scale"] + field["offset"]
 
 
+def of_model(field: Mapping[str, Any], model: int) -> Mapping[str, Any]:
+    """A field with the scale of a drive's model."""
+    if "models" not in field:
+        return field
+    scale, offset = field["models"][model]
+    return {**field, "scale": scale, "offset": offset}
+
+
 class Described(Boards):
     """The boards of a described protocol."""
 
@@ -74,6 +82,7 @@ class Described(Boards):
         super().__init__(bus, supply_v, motor)
         self.table = bus.table
         self.frames = self.table["frames"]
+        self.models = {board["address"]: board["model"] for board in self.table["boards"]}
         # by slot: address, axis, joint
         self.slots = [(board["address"], axis, joint) for board in self.table["boards"]
                       for axis, joint in enumerate(board["joints"])]
@@ -123,6 +132,7 @@ class Described(Boards):
                point: tuple[str, float] | None, state: Mapping[str, Any]) -> int:
         """The count of a field. known: counts by meaning; point: quantity and value of the axis."""
         meaning = field["meaning"]
+        field = of_model(field, self.models.get(known.get("address"), 0))
         if meaning == "constant":
             return field["constant"]
         if meaning == "counter":
@@ -357,7 +367,8 @@ class Described(Boards):
                                       if s["value"] == count), str(count))
             elif field["meaning"] in MEASURED:
                 found[MEASURED[field["meaning"]]] = \
-                    count if field["meaning"] == "faults" else value_of(field, count)
+                    count if field["meaning"] == "faults" else \
+                    value_of(of_model(field, self.models[self.slots[at][0]]), count)
         found = self._extra.get(self.slots[slot][2]) if slot < len(self.slots) else None
         if found and "deflection" in found and "motor position" in found:
             found["position"] = found["motor position"] - found["deflection"]

@@ -137,7 +137,7 @@ static const struct described_protocol *load_described(bool fd)
         fuzz_require((arena.memory || arena_init(&arena, 8u << 20, &error) == ERROR_NONE) &&
                          described_load(fd ? HIL_SOURCE_DIR "/config/protocols/compact-fd.yaml"
                                            : HIL_SOURCE_DIR "/config/protocols/compact.yaml",
-                                        &arena, &protocol[fd], &error) == ERROR_NONE,
+                                        false, &arena, &protocol[fd], &error) == ERROR_NONE,
                      "%s", error.text);
     }
     return protocol[fd];

@@ -82,9 +82,12 @@ static bool is_listed(const struct described_run *run, const struct bus_frame *f
 {
     for (size_t i = 0; i < run->nmessage; i++) {
         const struct message *m = &run->message[i];
+        const struct described_frame *row = m->row;
+        unsigned number;
 
-        if ((frame->id & ~m->id_mask) == m->id && frame->len == m->length &&
-            !(frame->flags & FRAME_EXTENDED) == !m->extended &&
+        /* A host may have given the board another address, or its answers another identifier */
+        if ((row->answer_id || described_number(row, frame->id, m->extended, &number)) &&
+            frame->len == m->length && !(frame->flags & FRAME_EXTENDED) == !m->extended &&
             !(frame->flags & FRAME_FD) == !m->fd) {
             return true;
         }
@@ -201,7 +204,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     struct error error;
 
     memset(&run, 0, sizeof run);
-    if (described_read_text("toy.yaml", (const char *)data, text, arena, &run.protocol, &error)) {
+    if (described_read_text("toy.yaml", (const char *)data, text, false, arena, &run.protocol,
+                            &error)) {
         fuzz_require(error.code == ERROR_MEMORY || fuzz_has_place(error.text, "toy.yaml", text),
                      "\"%s\"", error.text);
         fuzz_tally.refused++;

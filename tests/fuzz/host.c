@@ -172,7 +172,8 @@ static const struct described_protocol *load_protocol(unsigned which)
     if (!protocol[which]) {
         snprintf(path, sizeof path, "%s/config/protocols/%s.yaml", HIL_SOURCE_DIR, names[which]);
         fuzz_require((arena.memory || arena_init(&arena, 16u << 20, &error) == ERROR_NONE) &&
-                         described_load(path, &arena, &protocol[which], &error) == ERROR_NONE,
+                         described_load(path, false, &arena, &protocol[which], &error) ==
+                             ERROR_NONE,
                      "%s", error.text);
     }
     return protocol[which];

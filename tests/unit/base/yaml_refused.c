@@ -57,7 +57,7 @@ TEST_WITH(rejects_wrong_types, open_arena, close_arena)
         {"mass_kg: 5 kg", "f.yaml:1:11: found \"5 kg\", expected a number from 0 to 100"},
         {"mass_kg: 5kg", "f.yaml:1:11: found \"5kg\", expected a number from 0 to 100"},
         {"mass_kg: 1_000", "f.yaml:1:11: found \"1_000\", expected a number from 0 to 100"},
-        {"mass_kg: 0x10", "f.yaml:1:11: found 0x10, expected a number from 0 to 100"},
+        {"mass_kg: 0x1g", "f.yaml:1:11: found \"0x1g\", expected a number from 0 to 100"},
         {"drag: x", "f.yaml:1:8: found \"x\", expected a number"},
         {"doors: 2.0", "f.yaml:1:9: found 2.0, expected an integer from 0 to 9"},
         {"doors: '2'", "f.yaml:1:9: found quoted text \"2\", expected an integer from 0 to 9"},

@@ -240,9 +240,9 @@ static inline void set_up_status(struct bench *bench)
 
     if (!arena.memory) {
         assert_ok(arena_init(&arena, 1 << 20, &error));
-        assert_no_error(
-            described_read_text("my.yaml", text, sizeof text - 1, &arena, &bus.described, &error),
-            error.text);
+        assert_no_error(described_read_text("my.yaml", text, sizeof text - 1, false, &arena,
+                                            &bus.described, &error),
+                        error.text);
     }
     told_state = 0;
     bench->play[0] = play_status;

@@ -72,11 +72,11 @@ static void read_protocol(const char *file)
     enum error_code code;
 
     assert_ok(arena_init(&bench.protocols, 8u << 20, &error));
-    code = file == checked   ? described_read_text("checked", file, strlen(file), &bench.protocols,
-                                                   protocol, &error)
-           : file == watched ? described_read_text("watched", text, read_watched(text, sizeof text),
+    code = file == checked   ? described_read_text("checked", file, strlen(file), false,
                                                    &bench.protocols, protocol, &error)
-                             : described_load(file, &bench.protocols, protocol, &error);
+           : file == watched ? described_read_text("watched", text, read_watched(text, sizeof text),
+                                                   false, &bench.protocols, protocol, &error)
+                             : described_load(file, false, &bench.protocols, protocol, &error);
     assert_no_error(code, error.text);
 }
 
@@ -704,7 +704,7 @@ TEST(a_robstride_drive_answers_as_one_that_was_recorded)
 }
 
 /* A host other than RobStride's gets its answers, and values by their number. A number that no
- * drive has gives zeroes, with a 1 above the drive's number. */
+ * drive has gives a value of zero, with a 1 above the drive's number. */
 TEST(a_robstride_drive_answers_the_host_that_asks)
 {
     static const struct {
@@ -714,7 +714,7 @@ TEST(a_robstride_drive_answers_the_host_that_asks)
         {0x0300aa01, 0x028001aa, "00 00 00 00 00 00 00 00", "8a 2f 80 00 80 00 00 00"},
         {0x1100aa01, 0x110001aa, "19 70 00 00 00 00 00 00", "19 70 00 00 00 00 00 3f"},
         {0x1100fd01, 0x110001fd, "1c 70 00 00 00 00 00 00", "1c 70 00 00 00 00 40 42"},
-        {0x1100fd01, 0x110101fd, "03 10 00 00 00 00 00 00", "00 00 00 00 00 00 00 00"},
+        {0x1100fd01, 0x110101fd, "03 10 00 00 00 00 00 00", "03 10 00 00 00 00 00 00"},
     };
 
     open_bench(robstride, 0);
@@ -760,6 +760,132 @@ TEST(a_robstride_drive_takes_its_torque_from_the_identifier)
     expect_as(0x020101fd, FRAME_EXTENDED, "85 17 80 00 80 00 00 00");
     assert_false(base->motor[0].bridge_on);
     close_bench();
+}
+/* ---- drives whose registers a host writes ---- */
+
+static const char damiao[] = HIL_SOURCE_DIR "/config/protocols/damiao.yaml";
+
+/* A frame to drive 1 and its answer; NULL = no answer, and the frame is malformed. id 0: `answer`
+ * ticks pass, from now on at a supply of `data` volts. */
+struct exchange {
+    uint32_t id, answer;
+    const char *data, *told;
+};
+
+static void play(const char *file, const struct exchange *exchange, size_t count)
+{
+    open_bench(file, 0);
+    base->sense[0].winding_c = PLANT_AMBIENT_C;
+    bench_tick(base);
+    for (size_t i = 0; i < count; i++) {
+        const struct exchange *e = &exchange[i];
+        const uint64_t malformed = bench_counters(base).malformed;
+
+        if (e->id == 0) {
+            base->sensors.supply_v = atof(e->data);
+            bench_ticks(base, (int)e->answer);
+            continue;
+        }
+        if (e->id > DESCRIBED_STANDARD_ID_MAX) {
+            send_extended(e->id, e->data);
+        } else {
+            bench_send(base, 0, e->id, e->data);
+        }
+        bench_tick(base);
+        if (bench_counters(base).malformed != malformed + !e->told ||
+            base->count[0] != (e->told != NULL)) {
+            fprintf(stderr, "exchange %zu\n", i);
+        }
+        assert_int_equal(bench_counters(base).malformed, malformed + !e->told);
+        assert_int_equal(base->count[0], e->told != NULL);
+        if (e->told) {
+            expect_as(e->answer, e->answer > DESCRIBED_STANDARD_ID_MAX ? FRAME_EXTENDED : 0,
+                      e->told);
+        }
+    }
+    assert_int_equal(bench_counters(base).foreign, 0);
+    close_bench();
+}
+
+/* Recorded from a drive at rest near its zero, 25 degree C at the bridges and 21 at the rotor. */
+TEST(a_damiao_drive_answers_as_one_that_was_recorded)
+{
+    open_bench(damiao, 0);
+    bench_stop(base);
+    base->sense[0].qm = base->sense[0].q = -0.004387;
+    base->sense[0].winding_c = 21.0;
+    bench_start(base);
+    bench_ticks(base, 2);
+    bench_send(base, 0, 0x001, "ff ff ff ff ff ff ff fc");
+    bench_tick(base);
+    bench_expect(base, 0, 0x011, "11 7f f4 80 08 00 19 15");
+    close_bench();
+}
+
+/* At 0.5 rad, count 34078 of 65535 over 25 rad; over 50 rad 33423. Floats by IEEE 754. */
+TEST(a_damiao_drive_has_its_registers)
+{
+    static const char at_rest[] = "01 85 1e 80 08 00 19 19";
+    static const struct exchange exchange[] = {
+        {0x7ff, 0x011, "01 00 cc 00 00 00 00 00", at_rest},
+        {0x7ff, 0x011, "01 00 33 15 00 00 00 00", "01 00 33 15 00 00 48 41"}, /* PMAX 12.5 */
+        {0x7ff, 0x011, "01 00 33 0a 00 00 00 00", "01 00 33 0a 01 00 00 00"}, /* MIT */
+        {0x7ff, 0x011, "01 00 33 07 00 00 00 00", "01 00 33 07 11 00 00 00"}, /* MST_ID */
+        {0x7ff, 0x011, "01 00 33 08 00 00 00 00", "01 00 33 08 01 00 00 00"}, /* ESC_ID */
+        {0x7ff, 0x011, "01 00 33 3c 00 00 00 00", "01 00 33 3c 00 00 40 42"}, /* 48 V */
+        /* unknown, read only, no mode, no range, no number */
+        {0x7ff, 0, "01 00 33 c8 00 00 00 00", NULL},
+        {0x7ff, 0, "01 00 55 0e 01 00 00 00", NULL},
+        {0x7ff, 0, "01 00 55 0a 05 00 00 00", NULL},
+        {0x7ff, 0, "01 00 55 15 00 00 00 00", NULL},
+        {0x7ff, 0, "01 00 55 15 00 00 c0 7f", NULL},
+        {0x7ff, 0, "01 00 55 07 00 08 00 00", NULL},
+        /* a wider range */
+        {0x7ff, 0x011, "01 00 55 15 00 00 c8 41", "01 00 55 15 00 00 c8 41"},
+        {0x7ff, 0x011, "01 00 cc 00 00 00 00 00", "01 82 8f 80 08 00 19 19"},
+        {0x7ff, 0x011, "01 00 55 15 00 00 48 41", "01 00 55 15 00 00 48 41"},
+        /* answers by another identifier, then a drive of another number */
+        {0x7ff, 0x022, "01 00 55 07 22 00 00 00", "01 00 55 07 22 00 00 00"},
+        {0x7ff, 0x022, "01 00 cc 00 00 00 00 00", at_rest},
+        {0x7ff, 0x022, "01 00 aa 01 00 00 00 00", "01 00 aa 01 00 00 00 00"},
+        {0x7ff, 0x022, "01 00 55 08 13 00 00 00", "13 00 55 08 13 00 00 00"},
+        {0x013, 0x022, "ff ff ff ff ff ff ff fc", "13 85 1e 80 08 00 19 19"},
+    };
+
+    play(damiao, exchange, ARRAY_COUNT(exchange));
+}
+
+/* Commands of another mode are refused by name; 10 ms of silence are 200 of register 9. */
+TEST(a_damiao_drive_obeys_its_mode_and_tells_its_faults)
+{
+    static const struct exchange exchange[] = {
+        {0x001, 0x011, "ff ff ff ff ff ff ff fc", "11 85 1e 80 08 00 19 19"},
+        {0x101, 0, "00 00 00 3f 00 00 80 3f", NULL},
+        {0x7ff, 0x011, "01 00 55 0a 02 00 00 00", "01 00 55 0a 02 00 00 00"},
+        {0x001, 0, "85 1e 7f f0 00 00 07 ff", NULL},
+        {0x101, 0x011, "00 00 00 3f 00 00 80 3f", "11 85 1e 80 08 00 19 19"},
+        {0x7ff, 0x011, "01 00 55 0a 03 00 00 00", "01 00 55 0a 03 00 00 00"},
+        {0x201, 0x011, "00 00 00 00", "11 85 1e 80 08 00 19 19"},
+        {0x7ff, 0x011, "01 00 55 0a 04 00 00 00", "01 00 55 0a 04 00 00 00"},
+        {0x301, 0x011, "00 00 00 3f 64 00 10 27", "11 85 1e 80 08 00 19 19"},
+        {0x7ff, 0x011, "01 00 55 09 c8 00 00 00", "01 00 55 09 c8 00 00 00"},
+        {0, 5, "48", NULL},
+        {0x7ff, 0x011, "01 00 cc 00 00 00 00 00", "11 85 1e 80 08 00 19 19"},
+        {0, 8, "48", NULL},
+        {0x7ff, 0x011, "01 00 cc 00 00 00 00 00", "d1 85 1e 80 08 00 19 19"},
+        {0x001, 0x011, "ff ff ff ff ff ff ff fc", "d1 85 1e 80 08 00 19 19"},
+        {0x001, 0x011, "ff ff ff ff ff ff ff fb", "01 85 1e 80 08 00 19 19"},
+        {0x001, 0x011, "ff ff ff ff ff ff ff fc", "11 85 1e 80 08 00 19 19"},
+        {0, 2, "20", NULL},
+        {0x7ff, 0x011, "01 00 cc 00 00 00 00 00", "91 85 1e 80 08 00 19 19"},
+        {0x001, 0x011, "ff ff ff ff ff ff ff fb", "91 85 1e 80 08 00 19 19"}, /* it is still low */
+        {0, 2, "70", NULL},
+        {0x7ff, 0x011, "01 00 cc 00 00 00 00 00", "81 85 1e 80 08 00 19 19"},
+        {0, 2, "48", NULL},
+        {0x001, 0x011, "ff ff ff ff ff ff ff fb", "01 85 1e 80 08 00 19 19"},
+    };
+
+    play(damiao, exchange, ARRAY_COUNT(exchange));
 }
 
 /* ---- counters and checksums; the bytes by long division of polynomials ---- */

@@ -6,6 +6,8 @@
 
 #include "tests/unit/schema_limits.h"
 
+#include <float.h>
+
 #define HEAD                                                                                       \
     "name: toy\nstates:\n  - {name: idle, law: \"off\"}\n  - {name: run, value: 1, law: "          \
     "voltage}\n"
@@ -127,8 +129,8 @@ static const struct {
            "      - {name: x, bits: 8, source: torq}\n",
      "toy.yaml:10:36: found \"torq\", expected address, axis, state, law, telemetry_period, "
      "parameter_value, velocity_limit, current_limit, position_gain, velocity_gain, "
-     "integral_gain, result, motor_position, link_position, deflection, motor_velocity, current, "
-     "torque, drive_torque, current_target, ... (did you mean \"torque\"?)"},
+     "integral_gain, command_timeout, position_speed_limit, host_number, answer_id, result, "
+     "motor_position, link_position, deflection, ... (did you mean \"torque\"?)"},
     /* 29 bits, CAN FD, counters and checksums */
     {FRAME "  - {name: A, from: host, id: 0x800}\n",
      "toy.yaml:6:31: found ids up to 0x800, expected them within 0x7ff"},
@@ -189,8 +191,35 @@ static const struct {
            "  - {number: 3, field: {name: x, bits: 8, source: echo}}\n",
      "toy.yaml:8:51: found source: echo in a parameter"},
     {FRAME "  - {name: A, from: host, id: 1}\nparameters:\n"
-           "  - {number: 3, field: {name: x, bits: 8, target: torque}}\n",
-     "toy.yaml:8:24: found a target, a counter"},
+           "  - {number: 3, field: {name: x, bits: 8, target: axis}}\n",
+     "toy.yaml:8:51: found parameter \"x\", which no host can write"},
+    {FRAME "  - {name: A, from: host, id: 1}\nparameters:\n"
+           "  - {number: 3, writable: true, field: {name: x, bits: 8, source: supply}}\n",
+     "toy.yaml:8:67: found parameter \"x\", which no host can write"},
+    {FRAME "  - {name: A, from: host, id: 1}\nmodels: [{name: m, values: {y: 1}}]\n",
+     "toy.yaml:7:29: found unknown parameter \"y\", expected none"},
+    {FRAME "  - name: A\n    from: host\n    id: 1\n    fields:\n"
+           "      - {name: x, bits: 8, target: voltage, times: y}\n",
+     "toy.yaml:10:52: found unknown parameter \"y\""},
+    {FRAME "  - name: A\n    from: host\n    id: 1\n    fields:\n"
+           "      - {name: x, bits: 8, target: voltage, times: y}\n"
+           "parameters: [{field: {name: y, bits: 8, source: supply}}]\n",
+     "toy.yaml:10:52: found the factor \"y\", expected a parameter with a value"},
+    {FRAME "  - {name: A, from: host, id: 1, only: fast}\n",
+     "toy.yaml:6:40: found unknown law \"fast\""},
+    {FRAME "  - {name: A, from: board, id: 1, save: true}\n",
+     "toy.yaml:6:5: found a key of frames from the host in one from the board"},
+    {FRAME "  - {name: A, from: host, id: 1, answer_id: true}\n",
+     "toy.yaml:6:5: found a key of frames from the board in one from the host"},
+    {FRAME "  - name: A\n    from: host\n    id: 1\n    fields:\n"
+           "      - {name: x, bits: 8, value: 0.5}\n",
+     "toy.yaml:10:35: found value 0.5, expected one that 8 bits hold"},
+    {FRAME "  - name: A\n    from: board\n    id: 1\n    fields:\n"
+           "      - {name: x, bits: 1, fault: warm}\n",
+     "toy.yaml:10:35: found unknown fault \"warm\""},
+    {"name: toy\nstates: [{name: idle, law: \"off\", fault: stale}]\n"
+     "frames: [{name: A, from: host, id: 0}]\n",
+     "toy.yaml:2:42: found fault without law: fault"},
     {"name: \"a\\\"b\"\nstates: []\nframes: []\n", "toy.yaml:1:1: found the name \"a"},
 };
 
@@ -203,7 +232,7 @@ TEST_WITH(what_is_wrong_is_refused_with_its_place, open_arena, close_arena)
         struct error error;
 
         assert_int_equal(described_read_text("toy.yaml", wrong[i].text, strlen(wrong[i].text),
-                                             &arena, &protocol, &error),
+                                             false, &arena, &protocol, &error),
                          ERROR_INPUT);
         if (strncmp(error.text, wrong[i].expected, strlen(wrong[i].expected)) != 0) {
             print_error("# case %zu: \"%s\", not \"%s\"\n", i, error.text, wrong[i].expected);
@@ -234,7 +263,7 @@ TEST_WITH(fields_lie_where_the_file_says, open_arena, close_arena)
     unsigned number;
 
     assert_no_error(
-        described_read_text("toy.yaml", text, sizeof text - 1, &arena, &protocol, &error),
+        described_read_text("toy.yaml", text, sizeof text - 1, false, &arena, &protocol, &error),
         error.text);
     frame = &protocol->frame[0];
     assert_true(described_number(frame, 0x11f, false, &number));
@@ -265,8 +294,9 @@ static const struct described_protocol *read_protocol(const char *text)
     const struct described_protocol *protocol;
     struct error error;
 
-    assert_no_error(described_read_text("toy.yaml", text, strlen(text), &arena, &protocol, &error),
-                    error.text);
+    assert_no_error(
+        described_read_text("toy.yaml", text, strlen(text), false, &arena, &protocol, &error),
+        error.text);
     return protocol;
 }
 
@@ -364,7 +394,7 @@ static const struct limit limits[] = {
     {"name", 1, 31},
     {"description", 1, 1000},
     {"axes", 1, 4},
-    {"address_max", 1, 31},
+    {"address_max", 1, 254},
     {"command_timeout_s", 0, 60},
     {"on_timeout", 1, 31},
     {"unknown_state", 1, 31},
@@ -375,7 +405,7 @@ static const struct limit limits[] = {
     {"states[].result", 0, UINT32_MAX},
     {"laws[].result", 0, UINT32_MAX},
     {"parameters[].number", 0, UINT32_MAX},
-    {"parameters[].field.value", INT32_MIN, UINT32_MAX},
+    {"parameters[].field.value", -FLT_MAX, FLT_MAX},
     {"frames[].lengths", 0, 64},
     {"laws[].value", 0, UINT32_MAX},
     {"*.bit", 0, 31},
@@ -400,8 +430,12 @@ static const struct limit limits[] = {
     {"*.scale", -1e12, 1e12},
     {"*.offset", -1e12, 1e12},
     {"*.range", -1e12, 1e12},
-    {"frames[].fields[].value", INT32_MIN, UINT32_MAX},
-    {"frames[].id_fields[].value", INT32_MIN, UINT32_MAX},
+    {"frames[].fields[].value", -FLT_MAX, FLT_MAX},
+    {"frames[].id_fields[].value", -FLT_MAX, FLT_MAX},
+    {"*.fault", 1, 31},
+    {"*.times", 1, 31},
+    {"frames[].select", 1, 31},
+    {"frames[].only", 1, 31},
     {"*.host_value", -1e12, 1e12},
     {"*.axis", 0, 3},
     {"host.on_state", 1, 31},
