@@ -55,6 +55,8 @@ static double axis_target(const struct described_axis *axis, enum described_mean
 static void axis_forget(const struct described_node *node, struct described_axis *axis)
 {
     memset(axis->target, 0, sizeof axis->target);
+    axis->target[DESCRIBED_TO_VELOCITY_CAP - DESCRIBED_SET_POINT] = HUGE_VAL;
+    axis->target[DESCRIBED_TO_CURRENT_CAP - DESCRIBED_SET_POINT] = HUGE_VAL;
     axis->command_ns = node->board.boards->now_ns;
     axis->integral_v = axis->integral_nm = axis->base.voltage_v = 0.0;
     axis->base.overload_ms = 0.0;
@@ -521,9 +523,9 @@ static void axis_watch_faults(struct described_node *node, struct described_axis
 
 double described_axis_current_limit(const struct described_node *node, unsigned axis)
 {
-    double cap = axis_target(&node->axis[axis], DESCRIBED_TO_CURRENT_CAP);
+    double cap = fmax(axis_target(&node->axis[axis], DESCRIBED_TO_CURRENT_CAP), 0.0);
 
-    return fmin(fmin(node->board.config.axis[axis].current_limit_a, cap > 0.0 ? cap : HUGE_VAL),
+    return fmin(fmin(node->board.config.axis[axis].current_limit_a, cap),
                 axis_setting(&node->axis[axis], DESCRIBED_CURRENT_LIMIT));
 }
 
@@ -553,8 +555,8 @@ static double axis_velocity_law(const struct described_node *node, struct descri
                                 double wanted_rad_s)
 {
     const struct board_axis_config *config = axis_config(node, axis);
-    double cap = axis_target(axis, DESCRIBED_TO_VELOCITY_CAP);
-    double limit = fmin(axis_setting(axis, DESCRIBED_VELOCITY_LIMIT), cap > 0.0 ? cap : HUGE_VAL);
+    double cap = fmax(axis_target(axis, DESCRIBED_TO_VELOCITY_CAP), 0.0);
+    double limit = fmin(axis_setting(axis, DESCRIBED_VELOCITY_LIMIT), cap);
     double most = config->torque_nm_a * config->current_limit_a, error;
 
     wanted_rad_s = fmax(fmin(wanted_rad_s, limit), -limit);
@@ -646,6 +648,7 @@ static void described_motor_control(struct board *board, struct ms_span span)
         int64_t lasts_ns = node->protocol->state[axis->state].lasts_ns;
 
         if (lasts_ns > 0 && node->board.boards->now_ns - axis->entered_ns >= lasts_ns) {
+            axis->latched = 0;
             axis_enter(node, axis, node->protocol->off_state, axis->law);
         }
         axis_watch_faults(node, axis);

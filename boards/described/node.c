@@ -41,8 +41,10 @@ bool described_node_power_up(struct described_node *node)
         const struct described_frame *frame = &node->protocol->frame[i];
         int host = described_find_field(frame, DESCRIBED_HOST_NUMBER);
 
-        node->answer_id =
-            frame->answer_id ? described_id(frame, node->board.address) : node->answer_id;
+        if (frame->answer_id) {
+            node->answer_id =
+                described_id(frame, frame->by == DESCRIBED_BY_ADDRESS ? node->board.address : 0);
+        }
         node->host_number =
             !frame->from_host && host >= 0 ? (uint32_t)frame->field[host].host : node->host_number;
     }

@@ -124,7 +124,7 @@ enum described_meaning {
     DESCRIBED_TO_POSITION,
     DESCRIBED_TO_KP,
     DESCRIBED_TO_KD,
-    DESCRIBED_TO_VELOCITY_CAP, /* this and the next: limits of the present law; 0 = none */
+    DESCRIBED_TO_VELOCITY_CAP, /* this and the next: limits until the state or law changes */
     DESCRIBED_TO_CURRENT_CAP,
     DESCRIBED_TARGETS_END,
     DESCRIBED_NEW_ADDRESS = DESCRIBED_TARGETS_END, /* gives the board another address */
