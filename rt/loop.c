@@ -373,18 +373,6 @@ static bool loop_advance_time(struct loop *loop)
     return lockstep_advance(&loop->lockstep, flags);
 }
 
-/* Moves buses with wire time to the end of the tick. */
-static LOOP_NOINLINE void loop_advance(struct loop *loop, int64_t end_ns)
-{
-    const struct loop_machine *machine = &loop->config.machine;
-
-    if (machine->advance) {
-        machine->advance(machine->context, end_ns);
-        loop->advance_ns = clock_now(loop->config.time) - loop->mark_ns;
-        loop->mark_ns += loop->advance_ns;
-    }
-}
-
 /* Sends the machine's frames on each bus at the tick's end, then DONE if it is due. */
 static LOOP_NOINLINE void loop_transmit(struct loop *loop)
 {
@@ -392,7 +380,10 @@ static LOOP_NOINLINE void loop_transmit(struct loop *loop)
     bool done_due = loop_advance_time(loop);
     int64_t now_ns = loop->stats.time_ns, due_ns = now_ns;
 
-    loop->mark_ns -= loop->advance_ns;
+    /* Deliver the frames that were in transit during the tick before sending new ones at its end */
+    if (machine->advance) {
+        machine->advance(machine->context, now_ns);
+    }
     if (machine->set_due) {
         /* Where the loop can send an answer between ticks, it sends none too early */
         if (loop_arrivals_possible(loop)) {
@@ -479,7 +470,6 @@ static void loop_run_tick(struct loop *loop)
     loop_phase_end(loop, PHASE_BOARDS);
     sane = !machine->plant || machine->plant(machine->context, begin_ns);
     loop_phase_end(loop, PHASE_PLANT);
-    loop_advance(loop, end_ns);
     sane = (!machine->sample || machine->sample(machine->context, end_ns)) && sane;
     loop_phase_end(loop, PHASE_SENSORS);
     loop_transmit(loop);

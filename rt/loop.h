@@ -145,8 +145,7 @@ struct loop_machine {
     void (*control)(void *context, int64_t now_ns);
     bool (*plant)(void *context, int64_t now_ns);  /* false = the model failed; the run ends */
     bool (*sample)(void *context, int64_t now_ns); /* as plant */
-    /* Advances buses with wire time (wire mode) to the end of the tick, now_ns, before `sample`:
-     * boards that answer in the tick report their last samples. The time belongs to PHASE_TRANSMIT.
+    /* Advances buses with wire time (wire mode) to the end of the tick, before the boards transmit.
      * NULL = frames take no time. In lockstep the loop then receives once per STEP, not every
      * tick. */
     void (*advance)(void *context, int64_t now_ns);

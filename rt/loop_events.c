@@ -28,11 +28,11 @@ const struct phase_budget phase_budgets[PHASE_COUNT] = {
                       7900, 1.7, 4.9},
     [PHASE_PLANT] = {"moves the robot on by a tick: actuators, dynamics, contact", 92000, 19.0,
                      42.0},
-    [PHASE_SENSORS] = {"samples, delays, quantizes and disturbs what the boards measure", 20000,
-                       2.7, 5.6},
-    [PHASE_TRANSMIT] = {"wires in virtual time move on, before the sensors are read, and boards "
-                        "answer at the end of each frame; boards send what is due",
-                        47500, 15.9, 42.0},
+    [PHASE_SENSORS] = {"samples, delays, quantizes and disturbs what the boards measure", 13600,
+                       1.8, 4.2},
+    [PHASE_TRANSMIT] = {"wires in virtual time move on and boards answer at the end of a frame; "
+                        "boards send what is due",
+                        54000, 16.8, 43.4},
     [PHASE_PUBLISH] = {"hands state and counters to other threads, a row to the recorder", 1550,
                        0.8, 3.0},
     [PHASE_ARRIVALS] =

@@ -86,7 +86,6 @@ struct loop {
     int64_t mark_ns;            /* clock time at the end of the last phase */
     int64_t spent[PHASE_COUNT]; /* duration of each phase; wait: how late the tick began */
     int64_t work_begin_ns;
-    int64_t advance_ns; /* duration of machine.advance, part of PHASE_TRANSMIT */
 
     /* Real clock and paced free run */
     int64_t period_ns; /* tick T divided by the speed; 0 = no grid, as fast as possible */

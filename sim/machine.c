@@ -153,7 +153,9 @@ static bool machine_sample(void *context, int64_t now_ns)
     watch_step(simulator->watch, now_ns);
     simulator->measured =
         sensing_sample(simulator->sensing, now_ns, plant_sensors(simulator->plant));
-    boards_sample(simulator->boards, now_ns, simulator->measured);
+    if (!simulator->buses.timed) {
+        boards_sample(simulator->boards, now_ns, simulator->measured);
+    }
     return true;
 }
 
@@ -216,6 +218,8 @@ static void simulator_advance_bus(struct simulator *simulator, size_t bus, int64
     }
 }
 
+/* Moves the wires to the end of the tick. Boards that answer in the tick report the samples of its
+ * beginning; they get those of its end afterwards. */
 static void machine_advance(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
@@ -224,6 +228,7 @@ static void machine_advance(void *context, int64_t now_ns)
     for (size_t b = 0; b < simulator->config.rig->nbus; b++) {
         simulator_advance_bus(simulator, b, now_ns);
     }
+    boards_sample(simulator->boards, now_ns, simulator->measured);
 }
 
 static void machine_set_due(void *context, int64_t due_ns)

@@ -20,12 +20,10 @@ verdict "nor on buses in wire mode" only
 
 for rig in grasp walkman coman-fd coman-foc coman-compact coman-cia402 \
     coman-mini-cheetah; do
-    task=squat wire=wire
+    task=squat
     [ $rig = grasp ] && task=grasp
-    # its drives answer with one identifier, at the same bit: on a wire they destroy their frames
-    [ $rig = coman-mini-cheetah ] && wire=ideal
     guarded "$rigs/$rig.yaml" --transport local --clock lockstep --task $task --ticks 3000 \
-        --wire $wire --record "$work/record" --record-format both
+        --wire wire --record "$work/record" --record-format both
     verdict "$rig, recorded" only clock_nanosleep
 done
 

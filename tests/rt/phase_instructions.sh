@@ -36,10 +36,6 @@ for phase in $phases; do
     *) name=loop.c:loop_$phase ;;
     esac
     total=$(function_total "$name")
-    if [ $phase = transmit ]; then
-        # The wires move on earlier in the tick
-        total=$((${total:-0} + $(function_total loop.c:loop_advance)))
-    fi
     budget=$(sed -n "s/^  $phase  *\([0-9][0-9]*\)  *[0-9.]* %.*/\1/p" "$dir/topic")
     number=$((number + 1))
     each=$((${total:-0} / ticks))
