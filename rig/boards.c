@@ -199,8 +199,8 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     b->driver[axis->joint] = raw;
 
     /* Copy the values of the drive that the board needs */
-    axis->lower_rad = joint->lower;
-    axis->upper_rad = joint->upper;
+    axis->lower_rad = joint->lower - motors->limit_margin_rad;
+    axis->upper_rad = joint->upper + motors->limit_margin_rad;
     axis->valve = joint->hydraulic.present;
     axis->gear = axis->valve ? 1.0 : joint->sea.N;
     axis->winding_ohm = joint->sea.R;

@@ -168,8 +168,8 @@ static enum error_code rig_build_host_axis(struct rig_builder *b, const struct b
                 .torque_nm_a = joint->sea.Kt,
                 .bemf_v_s_rad = from->bemf_v_s_rad,
             },
-        .lower_rad = from->lower_rad,
-        .upper_rad = from->upper_rad,
+        .lower_rad = joint->lower,
+        .upper_rad = joint->upper,
     };
 
     /* Refuse a torque board on another bus, because the host would not receive its torque */

@@ -237,6 +237,7 @@ static const struct yaml_field motors_fields[] = {
     YAML_NUMBER("motor_ticks_per_link_rev", true, raw_motors, motor_ticks_per_link_rev, 1.0, 1e9),
     YAML_NUMBER("torque_full_scale_nm", true, raw_motors, axis.torque_full_scale_nm, 1, 65535),
     YAML_NUMBER("current_limit_a", true, raw_motors, axis.current_limit_a, DBL_MIN, 1e3),
+    YAML_NUMBER("limit_margin_rad", false, raw_motors, limit_margin_rad, 0.0, 1e3),
     YAML_NUMBER("temperature_limit_c", false, raw_motors, axis.temperature_limit_c, 0.0, 125.0),
     YAML_SECONDS("command_timeout_s", false, raw_motors, board.command_timeout_ns, 0.0, 60.0),
     {"rotor_poles", YAML_INT, false, AT(raw_motors, rotor_poles), .count = sizeof(int), .min = 2,

@@ -123,6 +123,7 @@ struct raw_switches {
 struct raw_motors {
     struct yaml_mark mark;
     double joint_ticks_per_rev, motor_ticks_per_link_rev;
+    double limit_margin_rad; /* distance of a board's limits outside its joint's */
     struct board_axis_config axis;
     struct board_config board;
     int rotor_poles;

@@ -372,11 +372,14 @@ static struct import_gains gains_choose(const struct robot_sea *sea, double I, d
 {
     double own = sea->Dm + sea->Kt * sea->Kw / sea->R, most = own + sea->J / DELAYED_DAMPING_S;
     double least = fmax(fmax(5.0 * load, UPRIGHT_TIMES * tips), 30.0 * 30.0 * I);
-    double K = fmin(least, 60.0 * 60.0 * I), D;
+    double K = fmin(least, 60.0 * 60.0 * I), D, stiff;
     const double holds = UPRIGHT_TIMES * fmax(load, tips);
 
-    /* Above the resonance of the spring the loop moves only the rotor, which limits K */
-    K = fmin(K, fmin(most * most / I, 100.0 * 100.0 * sea->J));
+    /* Above the resonance of the spring the loop moves only the rotor, which limits K. A light
+     * rotor follows the spring there, with a gain of K over its stiffness or, if that is more, its
+     * damping at the resonance */
+    stiff = fmin(sea->Ks, sqrt(sea->Ks / sea->J) * (own + sea->Ds));
+    K = fmin(K, fmin(most * most / I, fmax(100.0 * 100.0 * sea->J, 0.1 * stiff)));
     D = fmin(2.0 * sqrt(K * I), most) - own;
     return (struct import_gains){.kp_v_per_rad = K * sea->R / sea->Kt,
                                  .kd_v_s_per_rad = fmax(D, 0.0) * sea->R / sea->Kt,

@@ -12,7 +12,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { MJCF_DEFAULTS_MAX = 2048, MJCF_CLASSES_DEEP = 32 };
+enum { MJCF_DEFAULTS_MAX = 2048, MJCF_CLASSES_DEEP = 32, MJCF_FRAMES_DEEP = 16 };
 
 /* ---- default classes ---- */
 
@@ -218,8 +218,16 @@ bool mjcf_read_frame(const struct import_reader *r, const xmlNode *node, struct 
 {
     /* MuJoCo does not move <inertial> with a frame */
     const bool framed = xml_is(node->parent, "frame") && !xml_is(node, "inertial");
+    int depth = 0;
 
-    if (framed) {
+    for (const xmlNode *up = node->parent; framed && xml_is(up, "frame"); up = up->parent) {
+        depth++;
+    }
+    if (depth > MJCF_FRAMES_DEEP) {
+        xml_refuse(r->file, node, "found frames more than %d deep, expected fewer",
+                   MJCF_FRAMES_DEEP);
+        import_place_identity(place);
+    } else if (framed) {
         mjcf_read_place(r, node->parent, NULL, place);
     }
     return framed;

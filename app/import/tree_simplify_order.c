@@ -57,6 +57,15 @@ void simplify_find_root(struct simplifier *r)
     }
 }
 
+/* Checks whether a joint lets an object float in a world without mass. */
+static bool simplify_is_object(const struct simplifier *r, size_t j)
+{
+    const struct import_joint *joint = &r->model->joint[j];
+
+    return joint->type == IMPORT_FLOATING && joint->child_link != r->root &&
+           r->above[joint->parent_link] < 0 && !r->model->link[joint->parent_link].has_inertia;
+}
+
 /* Checks whether --lock names a joint. */
 static bool option_locks_joint(const struct import_options *options, const char *name)
 {
@@ -68,26 +77,62 @@ static bool option_locks_joint(const struct import_options *options, const char 
     return false;
 }
 
+/* Counts the joints that turn or slide in each tree on the root: only those with an actuator, if
+ * the file has any. count is by joint of the model, of which only those on the root get one. */
+static void world_count_joints(const struct simplifier *r, size_t *count)
+{
+    const struct import_model *model = r->model;
+
+    for (size_t j = 0; j < model->njoint; j++) {
+        const struct import_joint *joint = &model->joint[j];
+        size_t top = j;
+
+        if (joint->type == IMPORT_FIXED || joint->type == IMPORT_FLOATING ||
+            (model->actuated && !joint->driven)) {
+            continue;
+        }
+        while (model->joint[top].parent_link != r->root) {
+            top = (size_t)r->above[model->joint[top].parent_link];
+        }
+        count[top]++;
+    }
+}
+
 void simplify_enter_world(struct simplifier *r)
 {
     const struct import_model *model = r->model;
+    size_t *count = simplify_alloc(r, model->njoint + 1, sizeof *count), still = 0, best = 0;
     const struct import_joint *floating = NULL;
 
-    /* Find the robot's floating joint: the first one on a root without mass */
-    for (size_t j = 0; j < model->njoint && !model->link[r->root].has_inertia; j++) {
-        if (model->joint[j].parent_link == r->root && model->joint[j].type == IMPORT_FLOATING) {
-            floating = floating ? floating : &model->joint[j];
+    /* Find the floating joint of the tree with most joints, on a root without mass */
+    if (!count || model->link[r->root].has_inertia) {
+        return;
+    }
+    world_count_joints(r, count);
+    for (size_t j = 0; j < model->njoint; j++) {
+        const struct import_joint *joint = &model->joint[j];
+
+        if (joint->parent_link == r->root && joint->type != IMPORT_FLOATING) {
+            still += count[j];
+        } else if (joint->parent_link == r->root && (!floating || count[j] > best)) {
+            floating = joint;
+            best = count[j];
         }
     }
+    r->floats = floating && still <= best;
 
-    /* All other joints on that root must be fixed */
+    /* Free bodies beside the robot are objects. All other joints beside a robot that floats must be
+     * fixed */
     for (size_t j = 0; floating && j < model->njoint; j++) {
         const struct import_joint *other = &model->joint[j];
+        const bool object =
+            other->type == IMPORT_FLOATING && (!r->floats || count[j] < best || count[j] == 0);
 
-        if (other->parent_link != r->root || other == floating) {
+        if (other->parent_link != r->root || (r->floats ? other == floating : !object)) {
             continue;
         }
-        if (other->type != IMPORT_FIXED && !option_locks_joint(r->options, other->name)) {
+        if (!object && other->type != IMPORT_FIXED &&
+            !option_locks_joint(r->options, other->name)) {
             import_error(r->error, other->file, other->line,
                          "found joint \"%.63s\" on the root \"%.63s\" beside the floating joint "
                          "\"%.63s\" (line %d), expected that alone: one robot floats; --lock "
@@ -95,14 +140,11 @@ void simplify_enter_world(struct simplifier *r)
                          other->name, model->link[r->root].name, floating->name, floating->line);
         }
         import_note_add(r->notes, IMPORT_DROPPED, other->file, other->line,
-                        "link \"%.63s\", with all that hangs on it: it stays in the world in which "
-                        "the robot floats",
-                        other->child);
+                        "link \"%.63s\", with all that hangs on it: it %s", other->child,
+                        object ? "is an object beside the robot, which has more joints"
+                               : "stays in the world in which the robot floats");
     }
-    if (floating) {
-        r->root = floating->child_link;
-        r->floats = true;
-    }
+    r->root = r->floats ? floating->child_link : r->root;
 }
 
 void simplify_order_links(struct simplifier *r)
@@ -121,7 +163,7 @@ void simplify_order_links(struct simplifier *r)
 
         /* Push in reverse order, so that links are popped in file order */
         for (size_t j = model->njoint; j-- > 0;) {
-            if (model->joint[j].parent_link == link) {
+            if (model->joint[j].parent_link == link && !simplify_is_object(r, j)) {
                 next[depth++] = model->joint[j].child_link;
             }
         }
@@ -222,7 +264,8 @@ void simplify_check_joints(struct simplifier *r)
                          "joints and a continuous one, or fix it (type \"fixed\")",
                          joint->name);
         }
-        if (joint->type == IMPORT_FLOATING && (!r->floats || joint->child_link != r->root)) {
+        if (joint->type == IMPORT_FLOATING && joint->child_link != r->root &&
+            !simplify_is_object(r, j)) {
             import_error(r->error, joint->file, joint->line,
                          "found floating joint \"%.63s\" between two bodies, expected it between a "
                          "root without mass and the base: nothing but the base floats",

@@ -43,9 +43,11 @@ void *simplify_alloc(const struct simplifier *r, size_t count, size_t size);
  *
  * The tree: finds the joint that each link is the child of, and the only link that is no joint's
  * child; refuses loops, separate trees, and joints that form a cycle without a root. The root is
- * the world if it has no mass and a floating joint is attached to it: then the base is that joint's
- * child, and all other parts of that world must be fixed, and are left out. Orders links by a walk
- * down the tree: parents before children, children in the order of their joints in the file.
+ * the world if it has no mass and floating joints are attached to it. If one of these carries as
+ * many joints as all parts that do not float, the base is its child; all other parts of that world
+ * must be fixed or objects, and are left out. Otherwise the floating parts are objects. Orders
+ * links by a walk down the tree: parents before children, children in the order of their joints in
+ * the file.
  */
 void simplify_find_parents(struct simplifier *r);
 void simplify_find_root(struct simplifier *r);

@@ -177,6 +177,21 @@ static double robot_find_strongest(const struct robot *robot, double *current)
     return fmin(ceil(torque), 65535.0);
 }
 
+/* Returns a distance that no stop yields under the torque of its joint's drive, rad. */
+static double robot_find_margin(const struct robot *robot)
+{
+    double margin = 1e-3;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        const struct robot_joint *joint = &robot->joint[j];
+
+        if (robot_joint_is_driven(joint) && joint->stop.stiffness > 0.0) {
+            margin = fmax(margin, 2.0 * joint->torque_limit / joint->stop.stiffness);
+        }
+    }
+    return margin;
+}
+
 enum error_code import_write_rig(const struct import_rig *rig, const char *path,
                                  struct error *error)
 {
@@ -219,8 +234,10 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
             "  motor_ticks_per_link_rev: 409600\n"
             "  torque_full_scale_nm: %g\n"
             "  current_limit_a: %.4g\n"
+            "  limit_margin_rad: %.3g    # a joint that its stop bears is not beyond its limits\n"
             "%s",
-            torque, current, rig->plan->bench->motors ? rig->plan->bench->motors : "");
+            torque, current, robot_find_margin(robot),
+            rig->plan->bench->motors ? rig->plan->bench->motors : "");
     write_buses(file.out, rig);
     write_gains(file.out, rig);
     return whole_file_close(&file, ERROR_NONE, error);

@@ -355,16 +355,43 @@ TEST_WITH(floating_joint_makes_its_child_the_base, open_default, close_arena)
     assert_true(made.robot->floating);
     assert_string_equal(made.robot->body[0].name, "pelvis");
     assert_int_equal(made.body[0], -1);
-    import_bad(ROBOT(HOLLOW("world") LINK("pelvis") LINK("a")
+    import_bad(ROBOT(HOLLOW("world") LINK("pelvis") LINK("a") LINK("b")
                          JOINT("free", "floating", "world", "pelvis", "")
-                             JOINT("j", "revolute", "world", "a", LIMIT)),
-               "x.urdf:6: ", "one robot floats");
+                             JOINT("j", "revolute", "world", "a", LIMIT)
+                                 JOINT("k", "revolute", "pelvis", "b", LIMIT)),
+               "x.urdf:7: ", "one robot floats");
     import_good(ROBOT(HOLLOW("world") LINK("pelvis") LINK("a") LINK("floor") JOINT(
         "free", "floating", "world", "pelvis", "") JOINT("ground", "fixed", "world", "floor", "")
                           JOINT("j", "revolute", "pelvis", "a", LIMIT)));
     assert_int_equal(made.body[3], -1);
     assert_near(made.robot->total_mass, 2.0, 0.0);
     assert_true(noted(IMPORT_DROPPED, 7, "link \"floor\""));
+}
+
+/* The part with most joints is the robot, and free bodies beside it are objects */
+TEST_WITH(free_bodies_beside_a_robot_are_objects, open_default, close_arena)
+{
+    static const char *const object[] = {
+        "<body name='box' pos='1 0 0'><freejoint/><geom size='1'/></body>",
+        "<body name='box'><freejoint/><geom size='1'/><body name='lid'><joint name='k' "
+        "range='0 1'/><geom size='1'/></body></body>"};
+    static const char *const arm =
+        "<body name='%s'>%s<geom size='1'/><body name='b'><joint name='i' range='0 1'/>"
+        "<geom size='1'/><body name='c'><joint name='j' range='0 1'/><geom size='1'/>"
+        "</body></body></body>";
+    char robot[512], text[1200];
+
+    for (int i = 0; i < 8; i++) {
+        const bool floats = i & 1, first = i & 2;
+
+        snprintf(robot, sizeof robot, arm, "a", floats ? "<freejoint/>" : "");
+        snprintf(text, sizeof text, "<mujoco><worldbody>%s%s</worldbody></mujoco>\n",
+                 first ? robot : object[i / 4], first ? object[i / 4] : robot);
+        import_good(text);
+        assert_int_equal(made.robot->floating, floats);
+        assert_int_equal(made.robot->njoint, 2);
+        assert_true(noted(IMPORT_DROPPED, 1, "link \"box\", with all that hangs on it: it is an"));
+    }
 }
 
 /* ---- inertias ---- */
