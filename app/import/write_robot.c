@@ -54,7 +54,7 @@ static struct written write_real(double value)
 }
 
 /* Returns a pose as text: position, and fixed-axis roll, pitch and yaw. */
-static struct written write_pose(const double xyz[3], const double R[9])
+static struct written write_pose(const double R[9], const double xyz[3])
 {
     struct written place;
     double rpy[3];
@@ -132,7 +132,7 @@ static void write_joint(FILE *out, const struct import_robot *from, size_t j)
             "    origin: {%s}\n    limits: {lower_%s: %s, upper_%s: %s, %s: %.6g}\n",
             joint->name, turns ? "revolute" : "prismatic",
             robot->body[robot->body[j + 1].parent].name, robot->body[j + 1].name,
-            write_list(joint->axis, 3).text, write_pose(joint->origin, joint->rotation).text,
+            write_list(joint->axis, 3).text, write_pose(joint->rotation, joint->origin).text,
             turns ? "rad" : "m", write_real(joint->lower).text, turns ? "rad" : "m",
             write_real(joint->upper).text, turns ? "torque_nm" : "force_n", joint->torque_limit);
 
@@ -177,7 +177,7 @@ static void write_frames(FILE *out, const struct robot *robot)
         const struct robot_frame *frame = &robot->frame[f];
 
         fprintf(out, "  - {name: \"%s\", body: \"%s\", %s}\n", frame->name,
-                robot->body[frame->body].name, write_pose(frame->position, frame->rotation).text);
+                robot->body[frame->body].name, write_pose(frame->rotation, frame->position).text);
     }
     fputs(robot->ncapsule ? "\ncapsules:\n" : "", out);
     for (size_t c = 0; c < robot->ncapsule; c++) {
@@ -185,7 +185,7 @@ static void write_frames(FILE *out, const struct robot *robot)
 
         fprintf(out, "  - {name: \"%s\", body: \"%s\", %s, radius_m: %.9g, length_m: %.9g}\n",
                 capsule->name, robot->body[capsule->body].name,
-                write_pose(capsule->position, capsule->rotation).text, capsule->radius,
+                write_pose(capsule->rotation, capsule->position).text, capsule->radius,
                 capsule->length);
     }
 }
@@ -194,7 +194,7 @@ static void write_frames(FILE *out, const struct robot *robot)
 static void write_visual(FILE *out, const struct robot *robot, const struct robot_visual *visual)
 {
     fprintf(out, "  - {name: \"%s\", body: \"%s\", %s,\n     ", visual->name,
-            robot->body[visual->body].name, write_pose(visual->position, visual->rotation).text);
+            robot->body[visual->body].name, write_pose(visual->rotation, visual->position).text);
     switch (visual->shape) {
     case VISUAL_BOX:
         fprintf(out, "shape: box, half_extents_m: %s", write_list(visual->half, 3).text);

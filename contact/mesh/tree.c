@@ -166,9 +166,8 @@ size_t tree_collect(const struct tree *tree, const struct box *box, int *list, s
     return n;
 }
 
-struct box box_transform(const struct box *box, const double R[9], const double p[3])
+void box_transform(const struct box *box, const double R[9], const double p[3], struct box *out)
 {
-    struct box out;
     double center[3], half[3], to[3];
 
     for (int k = 0; k < 3; k++) {
@@ -180,8 +179,7 @@ struct box box_transform(const struct box *box, const double R[9], const double 
         double reach =
             fabs(R[3 * k]) * half[0] + fabs(R[3 * k + 1]) * half[1] + fabs(R[3 * k + 2]) * half[2];
 
-        out.low[k] = to[k] + p[k] - reach;
-        out.high[k] = to[k] + p[k] + reach;
+        out->low[k] = to[k] + p[k] - reach;
+        out->high[k] = to[k] + p[k] + reach;
     }
-    return out;
 }

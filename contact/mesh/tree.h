@@ -120,8 +120,8 @@ static inline double box_distance2(const struct box *box, const double p[3])
     return sum;
 }
 
-/* Returns the box about a transformed box. R (columns) and p are axes and origin of the box's
+/* Computes the box about a transformed box. R (columns) and p are axes and origin of the box's
  * frame in the new frame. */
-struct box box_transform(const struct box *box, const double R[9], const double p[3]);
+void box_transform(const struct box *box, const double R[9], const double p[3], struct box *out);
 
 #endif

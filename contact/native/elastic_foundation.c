@@ -484,17 +484,18 @@ void native_overlap_meshes(const struct native_overlap *o)
     const struct native_relative *relative = o->relative;
     struct foundation_between m = {first, second, o, 0, 0};
     double thin = DBL_MAX, back[9], origin[3];
-    struct box moved = box_transform(&second->box, relative->R, relative->p), here, there;
+    struct box moved, here, there;
     const struct tree *tree = &first->facets;
     const struct tree_node *node = tree->node, *end = tree_end(tree);
     size_t nsecond;
 
     /* The common box in the frame of the first (here) and of the second (there) */
     native_invert_pose(relative, back, origin);
+    box_transform(&second->box, relative->R, relative->p, &moved);
     if (!box_intersect(&first->box, &moved, &here, &thin)) {
         return;
     }
-    moved = box_transform(&first->box, back, origin);
+    box_transform(&first->box, back, origin, &moved);
     if (!box_intersect(&second->box, &moved, &there, &thin)) {
         return;
     }

@@ -885,7 +885,7 @@ static void visit_near(struct visit *v, const struct box *in, const struct box *
     struct box about = *in, there;
 
     if (v->field->planar || visit_find_near(v, where, &about)) {
-        there = box_transform(&about, R, p);
+        box_transform(&about, R, p, &there);
         visit_facets(v, &there);
     }
 }
@@ -952,8 +952,8 @@ void native_overlap_fields(const struct native_overlap *o)
     /* Pose of the first in the second's frame, and both boxes; without overlap there is no
      * contact */
     native_invert_pose(relative, back, origin);
-    moved = box_transform(&b->box, relative->R, relative->p);
-    there = box_transform(&a->box, back, origin);
+    box_transform(&b->box, relative->R, relative->p, &moved);
+    box_transform(&a->box, back, origin, &there);
     if (!boxes_meet(&a->box, &moved) || !boxes_meet(&b->box, &there)) {
         return;
     }
