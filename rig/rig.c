@@ -11,6 +11,7 @@
 #include "base/text.h"
 #include "boards/protocol_list.h"
 #include "contact/mesh/mesh.h"
+#include "model/drives/effects.h"
 #include "rig/builder_private.h"
 #include "base/config.h"
 
@@ -110,11 +111,33 @@ static enum error_code rig_check_supply(struct rig_builder *b)
 
 /* ---- time ---- */
 
-/* Builds the tick and the substep, and checks the supply. */
+/* Checks that the substep resolves the oscillations of rotors on their cogging. */
+static enum error_code rig_check_cogging(struct rig_builder *b)
+{
+    const double substep_s = 1e-9 * (double)b->rig->substep_ns;
+
+    for (size_t j = 0; j < b->robot->njoint && b->rig->integrator == PLANT_IMPLICIT; j++) {
+        const struct robot_joint *joint = &b->robot->joint[j];
+        const double rate = joint->sea.present ? effects_cogging_rate(&joint->sea) : 0.0;
+
+        if (rate * substep_s > EFFECTS_COGGING_SWING) {
+            return yaml_error(b->error, yaml_place(&b->raw->mark, "substep_s"),
+                              "joint %s: the rotor oscillates on its cogging at up to %.4g rad/s, "
+                              "expected no more than %.4g rad/s for substeps of %g s; lower the "
+                              "cogging, or set substep_s to at most %.3g",
+                              joint->name, rate, EFFECTS_COGGING_SWING / substep_s, substep_s,
+                              EFFECTS_COGGING_SWING / rate);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Builds the tick and the substep, and checks the supply and the cogging. */
 static enum error_code rig_build_time(struct rig_builder *b)
 {
     const struct raw_rig *raw = b->raw;
     struct rig *rig = b->rig;
+    enum error_code code;
 
     if (!rig_whole_ns(raw->tick_s, &rig->tick_ns)) {
         return yaml_error(b->error, yaml_place(&raw->mark, "tick_s"),
@@ -130,6 +153,9 @@ static enum error_code rig_build_time(struct rig_builder *b)
                           raw->substep_s, raw->tick_s);
     }
     rig->substeps = (size_t)(rig->tick_ns / rig->substep_ns);
+    if ((code = rig_check_cogging(b))) {
+        return code;
+    }
     return rig_check_supply(b);
 }
 

@@ -35,6 +35,15 @@ struct drive_flow {
     double qm[FLOW_INPUTS], qmd[FLOW_INPUTS], I[FLOW_INPUTS];
 };
 
+/* Largest angle of a rotor's oscillation on its spring that an exact flow resolves, rad. */
+#define SWING_RESOLVED 0.5
+
+/* Returns whether a rotor on a spring of stiffness Ks oscillates too fast for t seconds. */
+static inline bool drive_swings_fast(double Ks, double J, double t)
+{
+    return !(Ks * t * t <= SWING_RESOLVED * SWING_RESOLVED * J);
+}
+
 /* Computes the flow of a drive over t > 0 seconds, exact to rounding for any stiffness. bridge_on
  * false: the current stays constant. Takes about 1,500 multiplications. */
 void drive_flow_make(const struct robot_sea *sea, bool bridge_on, double t,

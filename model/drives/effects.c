@@ -15,42 +15,58 @@
 
 /* ---- functions of the motor's angle ---- */
 
-/* Returns the sum of sines of the motor's angle qm (rad at the link; N rotor turns each). */
-static double sum_harmonics(const struct robot_harmonic *harmonic, size_t count, double N,
-                            double qm)
+/* Returns the mean of a sine over an interval of phase, as a part of its value at the middle. */
+static double sine_mean(double half)
 {
-    double sum = 0.0;
-
-    for (size_t i = 0; i < count; i++) {
-        sum +=
-            harmonic[i].amplitude * portable_sin(harmonic[i].per_turn * N * qm + harmonic[i].phase);
-    }
-    return sum;
+    return half == 0.0 ? 1.0 : portable_sin(half) / half;
 }
 
-/* Returns the derivative of the sum of sines with respect to qm. */
-static double slope_harmonics(const struct robot_harmonic *harmonic, size_t count, double N,
-                              double qm)
+/* Returns the sum of sines of the motor's angle (rad at the link; N rotor turns each): its mean
+ * over the angles within `half` of qm. */
+static double sum_harmonics(const struct robot_harmonic *harmonic, size_t count, double N,
+                            double qm, double half)
 {
     double sum = 0.0;
 
     for (size_t i = 0; i < count; i++) {
         double rate = harmonic[i].per_turn * N;
 
-        sum += harmonic[i].amplitude * rate * portable_cos(rate * qm + harmonic[i].phase);
+        sum += harmonic[i].amplitude * sine_mean(rate * half) *
+               portable_sin(rate * qm + harmonic[i].phase);
+    }
+    return sum;
+}
+
+/* Returns the mean of the derivative of the sum of sines with respect to qm. */
+static double slope_harmonics(const struct robot_harmonic *harmonic, size_t count, double N,
+                              double qm, double half)
+{
+    double sum = 0.0;
+
+    for (size_t i = 0; i < count; i++) {
+        double rate = harmonic[i].per_turn * N;
+
+        sum += harmonic[i].amplitude * rate * sine_mean(rate * half) *
+               portable_cos(rate * qm + harmonic[i].phase);
     }
     return sum;
 }
 
 double effects_deflection(const struct robot_sea *sea, double qm, double q)
 {
-    return qm - q + sum_harmonics(sea->effects->error, sea->effects->nerror, sea->N, qm);
+    return qm - q + sum_harmonics(sea->effects->error, sea->effects->nerror, sea->N, qm, 0.0);
 }
 
-/* Returns 1 + e', the gear's local ratio at the motor's angle. */
-static double gear_slope(const struct robot_sea *sea, double qm)
+/* Returns the mean of 1 + e', the gear's local ratio, over the angles within `half` of qm. */
+static double gear_slope(const struct robot_sea *sea, double qm, double half)
 {
-    return 1.0 + slope_harmonics(sea->effects->error, sea->effects->nerror, sea->N, qm);
+    return 1.0 + slope_harmonics(sea->effects->error, sea->effects->nerror, sea->N, qm, half);
+}
+
+/* Returns the mean of the cogging torque over the angles within `half` of qm. */
+static double cogging_torque(const struct robot_sea *sea, double qm, double half)
+{
+    return sum_harmonics(sea->effects->cogging, sea->effects->ncogging, sea->N, qm, half);
 }
 
 /* Returns the energy W of the cogging torque, J: c = -dW/dqm. */
@@ -116,7 +132,7 @@ static struct gear_state find_gear(const struct robot_sea *sea, const struct eff
                                    double q, double qd)
 {
     const double bend = spring_bend(sea, effects_deflection(sea, state->sea.qm, q));
-    struct gear_state gear = {.slope = gear_slope(sea, state->sea.qm)};
+    struct gear_state gear = {.slope = gear_slope(sea, state->sea.qm, 0.0)};
     double elastic;
 
     gear.rate = gear.slope * state->sea.qmd - qd;
@@ -236,11 +252,8 @@ double effects_hysteresis(const struct robot_sea *sea, double z, double way, dou
 static double rotor_load(const struct robot_sea *sea, const struct effects_state *state,
                          const struct gear_state *gear)
 {
-    const struct robot_effects *effects = sea->effects;
-
     return magnet_strength(sea, state->housing_c) * sea->Kt * state->sea.I -
-           gear->slope * gear->torque +
-           sum_harmonics(effects->cogging, effects->ncogging, sea->N, state->sea.qm);
+           gear->slope * gear->torque + cogging_torque(sea, state->sea.qm, 0.0);
 }
 
 /* Returns the torques that the gear carries in a state. */
@@ -355,6 +368,153 @@ void effects_derivative(const struct robot_sea *sea, const struct effects_state 
                derivative);
 }
 
+/* ---- implicit Euler ---- */
+
+/* Limits of the iterations for the speed, and for the means that depend on the speed. */
+enum { SPEED_ITERATIONS = 100, FRICTION_ITERATIONS = 8, MEAN_ITERATIONS = 30 };
+
+/* Relative residual, and relative change, at which the iterations end. */
+#define SPEED_END 4e-16
+#define MEAN_END 1e-12
+
+/* Part of the torques that a residual may have. A larger one is a jump of the flanks' torque. */
+#define JUMP_RESIDUAL 1e-9
+
+/* The equation of the speed v at the end of a step, resistance v + ratio tau(v) + friction sgn v =
+ * push. Its left side rises with v. */
+struct speed_equation {
+    double h, qd;
+    double deflection; /* at the start of the step */
+    double ratio;      /* mean of 1 + e' over the step */
+    double resistance; /* of rotor and winding against a change of speed, N m s/rad */
+    double push;       /* torque on the rotor at v = 0 without spring and friction */
+    double friction;
+};
+
+/* Returns tau at a speed of the rotor. *damping receives its derivative with respect to d', *z the
+ * hysteresis. */
+static double find_end_torque(const struct robot_sea *sea, const struct speed_equation *equation,
+                              double hysteresis, double v, double *damping, double *z)
+{
+    const double rate = equation->ratio * v - equation->qd, way = equation->h * rate;
+    const double bend = spring_bend(sea, equation->deflection + way);
+    const struct sea_spring spring = sea_spring_at(sea, bend, rate);
+    const bool play = sea->effects->backlash > 0.0;
+    double torque = spring.Ks * bend + spring.Ds * rate + spring.offset;
+
+    *damping = equation->h * spring.Ks + spring.Ds;
+    if (play && torque * bend <= 0.0) {
+        torque = *damping = 0.0;
+    }
+    *z = 0.0;
+    if (has_hysteresis(sea)) {
+        const double sigma = sea->effects->hysteresis_stiffness, limit = sea->effects->hysteresis;
+        const double yield = 1.0 + sigma * fabs(way) / limit;
+
+        *z = (hysteresis + sigma * way) / yield;
+        *damping += equation->h * sigma * (1.0 - copysign(*z / limit, *z * way)) / yield;
+    }
+    return torque + *z;
+}
+
+/* Solves the equation by Newton's method within bounds. Writes torque, slope and hysteresis at the
+ * end. Returns the speed. */
+static double solve_speed(const struct robot_sea *sea, const struct speed_equation *equation,
+                          double hysteresis, double guess, struct effects_end *end)
+{
+    const double ratio = equation->ratio, G = equation->resistance;
+    double damping, *z = &end->state.hysteresis, low = 0.0, high, v, rest = 0.0, scale = 0.0;
+
+    /* The rotor stops if friction holds the load at rest */
+    end->torque = find_end_torque(sea, equation, hysteresis, 0.0, &damping, z);
+    end->slope = -damping;
+    const double load = equation->push - ratio * end->torque, sense = load > 0.0 ? 1.0 : -1.0;
+
+    if (fabs(load) <= equation->friction) {
+        return 0.0;
+    }
+    high = (fabs(load) - equation->friction) / G;
+    v = fmin(fmax(sense * guess, 0.0), high);
+    for (int i = 0; i < SPEED_ITERATIONS; i++) {
+        double next;
+
+        end->torque = find_end_torque(sea, equation, hysteresis, sense * v, &damping, z);
+        rest = G * v - sense * (equation->push - ratio * end->torque) + equation->friction;
+        scale = G * v + fabs(equation->push) +
+                ratio * (fabs(end->torque) + damping * (ratio * v + fabs(equation->qd)));
+        if (fabs(rest) <= SPEED_END * scale) {
+            break;
+        }
+        next = v - rest / (G + ratio * ratio * damping);
+        *(rest > 0.0 ? &high : &low) = v;
+        next = next > low && next < high ? next : 0.5 * (low + high);
+        if (next == v) {
+            break;
+        }
+        v = next;
+    }
+    end->slope = -damping * G / (G + ratio * ratio * damping);
+    /* At a jump of the flanks' torque, the rotor's motion determines the torque */
+    if (fabs(rest) > JUMP_RESIDUAL * scale) {
+        end->torque -= sense * rest / ratio;
+        end->slope = -G / (ratio * ratio);
+    }
+    return sense * v;
+}
+
+void effects_step_implicit(const struct robot_sea *sea, const struct effects_bridge *bridge,
+                           double h, double q, double qd, const struct effects_state *begin,
+                           struct effects_end *end)
+{
+    const struct robot_effects *effects = sea->effects;
+    const double strength = magnet_strength(sea, begin->housing_c), Kt = strength * sea->Kt;
+    const double qm = begin->sea.qm, J_h = sea->J / h;
+    const double winding = sea->L + h * effects_resistance(sea, begin->winding_c);
+    const bool varies = effects->nerror > 0 || effects->ncogging > 0 || effects->stribeck > 0.0 ||
+                        has_load_friction(&effects->load);
+    struct effects_mode mode = effects_find_mode(sea, begin, q, qd, bridge);
+    struct effects_carried carried = effects_carried(sea, begin, q, qd);
+    struct speed_equation equation = {.h = h,
+                                      .qd = qd,
+                                      .deflection = effects_deflection(sea, qm, q),
+                                      .ratio = gear_slope(sea, qm, 0.0)};
+    double cogging = cogging_torque(sea, qm, 0.0);
+    double v = begin->sea.qmd, last;
+
+    *end = (struct effects_end){.state = *begin};
+    equation.friction = effects_friction(sea, v, &carried);
+    for (int i = 0; i < MEAN_ITERATIONS; i++) {
+        const double I =
+            mode.flow != 0
+                ? (sea->L * begin->sea.I + h * (bridge->voltage - bridge->hold * mode.flow)) /
+                      winding
+                : begin->sea.I;
+        const double yield = mode.flow != 0 ? h * strength * sea->Kw / winding : 0.0;
+
+        equation.resistance = J_h + sea->Dm + Kt * yield;
+        equation.push = J_h * begin->sea.qmd + Kt * I + cogging;
+        last = v;
+        v = solve_speed(sea, &equation, begin->hysteresis, v, end);
+        end->state.sea = (struct sea_state){.qm = qm + h * v, .qmd = v, .I = I - yield * v};
+        /* A current that would change its sign against the lost voltage ends */
+        if (bridge->hold > 0.0 && end->state.sea.I * mode.flow < 0.0) {
+            end->state.sea.I = 0.0;
+        }
+        if (!varies || (i > 0 && fabs(v - last) <= MEAN_END * fabs(v))) {
+            break;
+        }
+        /* Use the means of gear error and cogging over the step, which conserve energy */
+        equation.ratio = gear_slope(sea, qm + 0.5 * h * v, 0.5 * h * v);
+        cogging = cogging_torque(sea, qm + 0.5 * h * v, 0.5 * h * v);
+        /* Friction by load may have no fixed point. Any friction is passive: keep the last one */
+        if (i < FRICTION_ITERATIONS) {
+            carried = (struct effects_carried){.motor = Kt * end->state.sea.I,
+                                               .external = -equation.ratio * end->torque};
+            equation.friction = effects_friction(sea, v, &carried);
+        }
+    }
+}
+
 void effects_warm(const struct robot_sea *sea, double heat, double t, struct effects_state *state)
 {
     const struct robot_thermal *thermal = &sea->effects->thermal;
@@ -398,7 +558,7 @@ void effects_power(const struct robot_sea *sea, const struct effects_state *stat
 {
     struct effects_carried carried;
     double qmd = state->sea.qmd, elastic, push;
-    double rate = gear_slope(sea, state->sea.qm) * qmd - qd;
+    double rate = gear_slope(sea, state->sea.qm, 0.0) * qmd - qd;
 
     effects_power_current(sea, state, bridge, mode, power);
     push = spring_push(sea, spring_bend(sea, effects_deflection(sea, state->sea.qm, q)), rate,
@@ -437,7 +597,7 @@ double effects_motor_rest(const struct robot_sea *sea, double q, double tau)
         }
         /* Solve qm + e(qm) - q = d by Newton's method; |e'| is less than 1/2 */
         for (int i = 0; i < 8; i++) {
-            qm -= (effects_deflection(sea, qm, q) - deflection) / gear_slope(sea, qm);
+            qm -= (effects_deflection(sea, qm, q) - deflection) / gear_slope(sea, qm, 0.0);
         }
     }
     return qm;
@@ -494,6 +654,18 @@ static bool load_is_possible(const struct robot_effects *effects)
     return load->external >= 0.0 && load->external < 1.0 && load->motor_stribeck >= 0.0 &&
            load->external_stribeck >= 0.0 && load->motor_quadratic >= 0.0 &&
            load->external_quadratic >= 0.0 && (!at_rest || effects->stribeck > 0.0);
+}
+
+double effects_cogging_rate(const struct robot_sea *sea)
+{
+    double stiffness = 0.0;
+
+    for (size_t i = 0; sea->effects && i < sea->effects->ncogging; i++) {
+        const struct robot_harmonic *harmonic = &sea->effects->cogging[i];
+
+        stiffness += fabs(harmonic->amplitude) * harmonic->per_turn * sea->N;
+    }
+    return sqrt(stiffness / sea->J);
 }
 
 enum error_code effects_check(const struct robot_sea *sea, struct error *error)

@@ -61,6 +61,13 @@ void effects_derivative(const struct robot_sea *sea, const struct effects_state 
  * parameters. */
 enum error_code effects_check(const struct robot_sea *sea, struct error *error);
 
+/* Returns the frequency of small oscillations of the rotor in its cogging torque, rad/s. */
+double effects_cogging_rate(const struct robot_sea *sea);
+
+/* Largest product of this frequency and a substep, rad, at which the integrator conserves the
+ * energy of the cogging. */
+#define EFFECTS_COGGING_SWING 2.0
+
 /* Returns tau on the link, N m. */
 double effects_torque(const struct robot_sea *sea, const struct effects_state *state, double q,
                       double qd);
@@ -115,6 +122,20 @@ void effects_power_current(const struct robot_sea *sea, const struct effects_sta
 
 /* Returns the stored energy, J: sea_energy plus hysteresis and cogging. Heat is not stored. */
 double effects_energy(const struct robot_sea *sea, const struct effects_state *state, double q);
+
+/* End of an implicit Euler step. */
+struct effects_end {
+    struct effects_state state;
+    double torque, slope; /* tau, N m, and its derivative with respect to the joint's rate */
+};
+
+/* Advances a drive by an implicit Euler step of h seconds from *begin, while its joint moves from q
+ * at the rate qd. The step adds no energy for any h and any stiffness: tau at the end times qd h is
+ * no more than the loss of stored energy plus the work of the bridge. Temperatures do not change.
+ */
+void effects_step_implicit(const struct robot_sea *sea, const struct effects_bridge *bridge,
+                           double h, double q, double qd, const struct effects_state *begin,
+                           struct effects_end *end);
 
 /* Updates the temperatures after t seconds in which the winding received this heat, J (trapezoidal
  * rule). */

@@ -6,9 +6,6 @@
 
 #include <math.h>
 
-/* Largest angle of a rotor's oscillation on its spring within a part, rad, for an exact flow. */
-#define SWING_RESOLVED 0.5
-
 /* Stiffness of a linear drive without a spring, N m/rad: negligible, but not zero. */
 #define LEAST_STIFFNESS 1e-6
 
@@ -34,11 +31,7 @@ void effects_flow_make(const struct effects_linear *linear, double t, struct eff
         const struct robot_sea *sea = &linear->of[law];
 
         for (int on = 0; on < 2; on++) {
-            if (sea->Ks * t * t <= SWING_RESOLVED * SWING_RESOLVED * sea->J) {
-                drive_flow_make(sea, on, t, &flow->of[law][on]);
-            } else {
-                drive_flow_make_implicit(sea, on, t, 1.0, &flow->of[law][on]);
-            }
+            drive_flow_make(sea, on, t, &flow->of[law][on]);
         }
     }
 }

@@ -17,9 +17,6 @@
 #include <math.h>
 #include <string.h>
 
-/* Largest angle of a rotor's oscillation on its spring within a stage, rad, for an exact flow. */
-#define SWING_RESOLVED 0.5
-
 /* Number of parts of a span for the accounts: Simpson's rule is applied twice. */
 enum { ACCOUNT_PARTS = 4 };
 
@@ -40,7 +37,7 @@ static void make_step_flows(const struct robot_sea *sea, bool bridge_on, double 
 {
     const double stage = IMPLICIT_GAMMA * h, rest = (1.0 - IMPLICIT_GAMMA) * h;
 
-    if (sea->Ks * stage * stage <= SWING_RESOLVED * SWING_RESOLVED * sea->J) {
+    if (!drive_swings_fast(sea->Ks, sea->J, stage)) {
         drive_flow_make(sea, bridge_on, rest, &flow[SPAN_TO_BASE]);
         drive_flow_make(sea, bridge_on, stage, &flow[SPAN_STAGE]);
     } else {

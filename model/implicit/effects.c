@@ -9,11 +9,48 @@
 #include "model/implicit/private.h"
 
 #include <math.h>
+#include <string.h>
+
+/* Weights of two oscillations beside the rotor's on its spring in the decision whether a drive is
+ * stiff: of the link on the spring, and of the rotor with the winding. An undamped link that
+ * turns by 0.88 rad in a stage diverges with the scheme of drives that are not stiff. */
+#define LINK_SWING (1.0 / 1.5)
+#define WINDING_SWING 0.5
+
+/* Largest number of solutions of a stage, and the part of the torque by which the tangent of a
+ * stiff drive may miss the torque at the solution. */
+enum { REVISIONS = 60 };
+#define TANGENT_ERROR 1e-12
+
+/* Returns the inertia against a motion of joint j alone with all joints at zero, kg m2 or kg. */
+static double find_link_inertia(struct plant *plant, size_t j)
+{
+    const struct robot *robot = plant->config.robot;
+    const struct dynamics *dynamics = plant->config.dynamics;
+    double *v = plant->implicit->u, kinetic, potential;
+
+    memset(plant->q, 0, robot->nq * sizeof *plant->q);
+    memset(v, 0, robot->nv * sizeof *v);
+    plant->q[BASE_Q_QUATERNION] = robot->floating ? 1.0 : 0.0;
+    v[robot->nv - robot->njoint + j] = 1.0;
+    dynamics->ops->energy(dynamics, plant->q, v, &kinetic, &potential);
+    return 2.0 * kinetic;
+}
 
 /* Computes the flows of a drive with effects, for the configuration's step and its parts. */
-static void make_effect_flows(const struct robot_sea *sea, double h, struct implicit_effects *made)
+static void make_effect_flows(const struct plant *plant, const struct robot_sea *sea,
+                              double inertia, struct implicit_effects *made)
 {
+    double h = 1e-9 * (double)plant->config.substep_ns;
+    const double stage = IMPLICIT_GAMMA * h, winding = sea->Kt * sea->Kw / sea->L;
+    double stiffness;
+
+    made->inertia = inertia;
     effects_linear_make(sea, &made->linear);
+    stiffness = made->linear.of[EFFECTS_BENT].Ks;
+    made->is_stiff = drive_swings_fast(stiffness, sea->J, stage) ||
+                     drive_swings_fast(stiffness, inertia, LINK_SWING * stage) ||
+                     drive_swings_fast(winding, sea->J, WINDING_SWING * stage);
     for (int level = 0; level < STEP_LEVELS; level++, h *= 0.25) {
         effects_flow_make(&made->linear, (1.0 - IMPLICIT_GAMMA) * h,
                           &made->flow[level][SPAN_TO_BASE]);
@@ -26,7 +63,7 @@ void implicit_prepare_effects(struct plant *plant, size_t d)
     const struct robot_sea *sound = &plant->config.robot->joint[plant->drive_joint[d]].sea;
 
     if (sound->effects) {
-        make_effect_flows(sound, 1e-9 * (double)plant->config.substep_ns,
+        make_effect_flows(plant, sound, find_link_inertia(plant, plant->drive_joint[d]),
                           &plant->implicit->effects_sound[d]);
     }
 }
@@ -41,7 +78,7 @@ void implicit_refresh_effects(struct plant *plant, size_t d)
     }
     im->effects[d] = &im->effects_sound[d];
     if (plant->sea[d].J != sound->J || plant->sea[d].Ks != sound->Ks) {
-        make_effect_flows(&plant->sea[d], 1e-9 * (double)plant->config.substep_ns,
+        make_effect_flows(plant, &plant->sea[d], im->effects_sound[d].inertia,
                           &im->effects_changed[d]);
         im->effects[d] = &im->effects_changed[d];
     }
@@ -61,6 +98,75 @@ static struct effects_span effect_span_of(const struct plant *plant, size_t d,
                                  .all_powers = plant->config.account_energy};
 }
 
+static bool is_stiff(const struct plant *plant, size_t d)
+{
+    return plant->implicit->effects[d]->is_stiff || plant->implicit->scheme != EFFECTS_USUAL;
+}
+
+/* Linearizes a stiff drive at a rate of its joint at the end of the stage. */
+static void find_tangent(const struct plant *plant, size_t d, double rate,
+                         struct effects_tangent *tangent)
+{
+    const struct implicit *im = plant->implicit;
+    const struct effects_state begin = plant_effects_state(plant, im->base, d);
+    struct effects_end end;
+
+    effects_step_implicit(&plant->sea[d], &plant->bridge[d], im->stage_h,
+                          plant_joint_position(plant, im->base, plant->drive_joint[d]), rate,
+                          &begin, &end);
+    tangent->rate = rate;
+    tangent->torque = end.torque;
+    tangent->slope = end.slope;
+}
+
+/* Adds sign times a tangent to torque and extra of its joint. */
+static void add_tangent(struct plant *plant, size_t d, double sign)
+{
+    struct implicit *im = plant->implicit;
+    const struct effects_tangent *tangent = &im->effects_tangent[d];
+    const size_t j = plant->drive_joint[d];
+
+    im->torque[j] +=
+        sign *
+        (tangent->torque + tangent->slope * (plant_joint_rate(plant, im->base, j) - tangent->rate));
+    im->extra[j] -= sign * tangent->slope * im->stage_h;
+}
+
+bool implicit_revise_effects(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    const double *a = im->a + plant->config.robot->nv - plant->config.robot->njoint;
+    bool revised = false;
+
+    if (im->revisions++ > REVISIONS) {
+        return false;
+    }
+    for (size_t d = 0; d < plant->ndrive && plant->has_effects; d++) {
+        struct effects_tangent *tangent = &im->effects_tangent[d], there = *tangent;
+        const size_t j = plant->drive_joint[d];
+        const double rate = plant_joint_rate(plant, im->base, j) + im->stage_h * a[j];
+        const double step = tangent->slope * (rate - tangent->rate);
+
+        if (!plant->sea[d].effects || !is_stiff(plant, d)) {
+            continue;
+        }
+        find_tangent(plant, d, rate, &there);
+        if (fabs(there.torque - tangent->torque - step) <=
+            TANGENT_ERROR * (fabs(there.torque) + fabs(step))) {
+            continue;
+        }
+        *(rate > tangent->rate ? &there.low : &there.high) = tangent->rate;
+        if (!(rate > there.low && rate < there.high)) {
+            find_tangent(plant, d, 0.5 * (there.low + there.high), &there);
+        }
+        add_tangent(plant, d, -1.0);
+        *tangent = there;
+        add_tangent(plant, d, 1.0);
+        revised = true;
+    }
+    return revised;
+}
+
 void implicit_linearize_effects(struct plant *plant, size_t d)
 {
     struct implicit *im = plant->implicit;
@@ -72,6 +178,13 @@ void implicit_linearize_effects(struct plant *plant, size_t d)
     struct effects_state state = plant_effects_state(plant, im->base, d);
     double slope, bend;
 
+    if (is_stiff(plant, d)) {
+        im->effects_tangent[d] = (struct effects_tangent){.low = -INFINITY, .high = INFINITY};
+        find_tangent(plant, d, rate, &im->effects_tangent[d]);
+        add_tangent(plant, d, 1.0);
+        im->revisions = 0;
+        return;
+    }
     effects_advance(&span, q, &state, NULL);
     slope = -(im->effects[d]->linear.of[EFFECTS_BENT].Ks * h + sea->Ds);
     bend = fabs(effects_deflection(sea, state.sea.qm, end)) - 0.5 * sea->effects->backlash;
@@ -83,6 +196,33 @@ void implicit_linearize_effects(struct plant *plant, size_t d)
     im->extra[j] -= slope * h;
 }
 
+/* Advances a stiff drive through a span, and fills work with the integrals of its powers. The step
+ * of the stage, scaled, leads to the base of the second stage. */
+static void advance_stiff(const struct plant *plant, size_t d, enum implicit_span span, double rate,
+                          struct effects_state *state, struct effects_power *work)
+{
+    const struct implicit *im = plant->implicit;
+    const struct robot_sea *sea = &plant->sea[d];
+    const double h = im->stage_h, scale = span == SPAN_STAGE ? 1.0 : (im->h - h) / h;
+    const double q = plant_joint_position(plant, im->base, plant->drive_joint[d]);
+    const double t = h * scale, limit = sea->effects->hysteresis;
+    struct effects_end end;
+    struct effects_mode mode;
+
+    effects_step_implicit(sea, &plant->bridge[d], h, q, rate, state, &end);
+    mode = effects_find_mode(sea, &end.state, q + h * rate, rate, &plant->bridge[d]);
+    effects_power(sea, &end.state, q + h * rate, rate, &plant->bridge[d], &mode, work);
+    for (double *power = &work->electrical; power <= &work->hysteresis; power++) {
+        *power *= t;
+    }
+    state->sea.qm += scale * (end.state.sea.qm - state->sea.qm);
+    state->sea.qmd += scale * (end.state.sea.qmd - state->sea.qmd);
+    state->sea.I += scale * (end.state.sea.I - state->sea.I);
+    state->hysteresis += scale * (end.state.hysteresis - state->hysteresis);
+    state->hysteresis = fmin(fmax(state->hysteresis, -limit), limit);
+    effects_warm(sea, work->joule, t, state);
+}
+
 void implicit_advance_effects(struct plant *plant, size_t d, enum implicit_span span, double rate,
                               double *state)
 {
@@ -91,8 +231,12 @@ void implicit_advance_effects(struct plant *plant, size_t d, enum implicit_span 
     struct effects_state effects = plant_effects_state(plant, state, d);
     struct effects_power done = {0};
 
-    effects_advance(&through, plant_joint_position(plant, state, plant->drive_joint[d]), &effects,
-                    &done);
+    if (is_stiff(plant, d)) {
+        advance_stiff(plant, d, span, rate, &effects, &done);
+    } else {
+        effects_advance(&through, plant_joint_position(plant, state, plant->drive_joint[d]),
+                        &effects, &done);
+    }
     plant_effects_store(plant, d, &effects, state);
     work[WORK_ELECTRICAL] += done.electrical;
     work[WORK_JOULE] += done.joule;

@@ -56,6 +56,7 @@
 
 #include "model/implicit/private.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -132,6 +133,18 @@ static enum error_code take_first_stage(struct plant *plant)
     return ERROR_NONE;
 }
 
+/* Makes the start of the step the base of its only stage, an implicit Euler step. */
+static void take_no_first_stage(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+
+    im->stage_h = im->h;
+    im->stops_acted = false;
+    memcpy(im->base, im->begin, plant->at.bristle * sizeof *im->base);
+    memcpy(im->u_base, im->u_begin, im->na * sizeof *im->u_base);
+    memcpy(im->u_1, im->u_begin, im->na * sizeof *im->u_1);
+}
+
 /* Solves the second stage: advances state to the end of the step, and sets trend, the prediction
  * for the next step. */
 static enum error_code take_second_stage(struct plant *plant)
@@ -177,7 +190,12 @@ static enum error_code step_part(struct plant *plant, enum implicit_level level,
     memcpy(im->begin, plant->state, plant->at.bristle * sizeof *im->begin);
     implicit_get_rates(plant, im->begin, im->u_begin);
     /* Solve both stages, then apply the constraints and the accounts at the end of the step */
-    if ((code = take_first_stage(plant)) || (code = take_second_stage(plant))) {
+    if (im->scheme == EFFECTS_EULER) {
+        take_no_first_stage(plant);
+    } else if ((code = take_first_stage(plant))) {
+        return code;
+    }
+    if ((code = take_second_stage(plant))) {
         return code;
     }
     if (plant->config.robot->floating) {
@@ -213,36 +231,74 @@ static enum implicit_level needed_level(const struct plant *plant, double h)
                : LEVEL_WHOLE;
 }
 
+/* Takes the step in equal parts, from the state at its start. */
+static enum error_code step_in_parts(struct plant *plant, enum implicit_level level, double h,
+                                     int parts)
+{
+    struct implicit *im = plant->implicit;
+    enum error_code code = ERROR_NONE;
+
+    plant_return_state(plant);
+    memcpy(im->trend, im->trend_begin, im->na * sizeof *im->trend);
+    for (int part = 0; part < parts && !code; part++) {
+        code = step_part(plant, level, h / parts);
+        if (!code) {
+            implicit_gather_wrenches(plant);
+        }
+    }
+    return code;
+}
+
+/* Returns whether the plant is a drive alone on a joint without any input, whose energy can only
+ * fall. */
+static bool lacks_input(const struct plant *plant)
+{
+    const struct robot *robot = plant->config.robot;
+
+    return plant->has_effects && robot->nv == 1 && plant->ndrive == 1 && plant->nspring == 0 &&
+           plant->config.ncontact == 0 && plant->config.nfree == 0 && !plant->clamped &&
+           (!plant->bridge_on[0] || plant->voltage[0] == 0.0);
+}
+
+/* Returns a bound on the rounding errors of a passive plant's energy, J: of its sum, and of the
+ * difference of the angles, which may be large. */
+static double energy_rounding(const struct plant *plant, double energy)
+{
+    const struct sea_state drive = plant_drive_state(plant, plant->state, 0);
+    const double q = plant_joint_position(plant, plant->state, 0);
+    const double off = DBL_EPSILON * (fabs(q) + fabs(drive.qm));
+
+    return 4.0 * DBL_EPSILON * fabs(energy) +
+           2.0 * plant->sea[0].Ks * off * (off + fabs(drive.qm - q));
+}
+
 enum error_code implicit_step(struct plant *plant, double h)
 {
     struct implicit *im = plant->implicit;
-    size_t bytes = im->na * sizeof *im->trend;
+    const bool passive = lacks_input(plant);
+    const double energy = passive ? plant_stored_mechanical(plant) : 0.0;
     enum implicit_level level;
     enum error_code code;
-    int parts;
 
-    /* Try the step in one part */
+    /* Try the step in one part. At an impact, repeat the step in parts */
     implicit_hold_lanes(plant);
-    memcpy(im->trend_begin, im->trend, bytes);
+    memcpy(im->trend_begin, im->trend, im->na * sizeof *im->trend);
+    im->scheme = EFFECTS_USUAL;
     code = step_part(plant, LEVEL_WHOLE, h);
     if (code) {
         return code;
     }
     if ((level = needed_level(plant, h)) == LEVEL_WHOLE) {
         implicit_gather_wrenches(plant);
-        implicit_clamp_friction(plant);
-        return ERROR_NONE;
+    } else {
+        code = step_in_parts(plant, level, h, level == LEVEL_QUARTER ? 4 : 16);
     }
 
-    /* Repeat the step in parts, from the state at its start */
-    parts = level == LEVEL_QUARTER ? 4 : 16;
-    plant_return_state(plant);
-    memcpy(im->trend, im->trend_begin, bytes);
-    for (int part = 0; part < parts && !code; part++) {
-        code = step_part(plant, level, h / parts);
-        if (!code) {
-            implicit_gather_wrenches(plant);
-        }
+    /* Repeat a step that makes energy by schemes that damp more */
+    while (passive && !code && im->load.push == 0.0 && im->scheme < EFFECTS_EULER &&
+           plant_stored_mechanical(plant) - energy > energy_rounding(plant, energy)) {
+        im->scheme++;
+        code = step_in_parts(plant, LEVEL_WHOLE, h, im->scheme == EFFECTS_EULER ? 16 : 1);
     }
     if (!code) {
         implicit_clamp_friction(plant);
@@ -304,6 +360,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->effects_sound, plant->has_effects ? plant->ndrive : 0);
     TAKE(im->effects_changed, plant->has_effects ? plant->ndrive : 0);
     TAKE(im->effects, plant->has_effects ? plant->ndrive : 0);
+    TAKE(im->effects_tangent, plant->has_effects ? plant->ndrive : 0);
     TAKE(im->extra, robot->njoint);
     TAKE(im->torque, robot->njoint);
     TAKE(im->stop, robot->njoint);

@@ -92,8 +92,21 @@ struct drive_group {
     drive_lanes_mask is_free;         /* drives that lanes.c linearized in this stage */
 };
 
+/* How drives with effects are integrated: in parts of exact flows if the step resolves the rotor's
+ * oscillation on its spring; by the integrator's scheme; or, with the whole plant, by implicit
+ * Euler steps. */
+enum effects_scheme { EFFECTS_USUAL, EFFECTS_STIFF, EFFECTS_EULER, EFFECTS_SCHEMES };
+
+/* Torque of a drive at the end of a stage, linearized at a joint rate. The rate of the solution is
+ * between low and high. */
+struct effects_tangent {
+    double rate, torque, slope, low, high;
+};
+
 /* Data of a drive with effects for its spans. */
 struct implicit_effects {
+    bool is_stiff;  /* the step does not resolve the drive's oscillations */
+    double inertia; /* of the joint, with all joints at zero */
     struct effects_linear linear;
     struct effects_flow flow[STEP_LEVELS][SPANS];
 };
@@ -130,6 +143,9 @@ struct implicit {
     /* The same three arrays, for drives with effects */
     struct implicit_effects *effects_sound, *effects_changed;
     const struct implicit_effects **effects;
+    struct effects_tangent *effects_tangent;
+    enum effects_scheme scheme;
+    int revisions;             /* of the stage, by implicit_revise_effects */
     struct drive_group *group; /* ngroup groups of DRIVE_LANES drives each */
     size_t ngroup;
     signed char *lane_bridge; /* of each drive: bridge state for which its lane was filled */
@@ -288,6 +304,10 @@ void implicit_refresh_effects(struct plant *plant, size_t d);
 void implicit_linearize_effects(struct plant *plant, size_t d);
 void implicit_advance_effects(struct plant *plant, size_t d, enum implicit_span span, double rate,
                               double *state);
+
+/* Linearizes stiff drives with effects again at the solved accelerations if they are not linear up
+ * to there. Returns true after a change: the stage must then be solved again. */
+bool implicit_revise_effects(struct plant *plant);
 
 /* ---- hydraulic joints: hydraulic.c ---- */
 

@@ -218,7 +218,7 @@ enum error_code implicit_solve_stage(struct plant *plant)
 
     /* Solve for the accelerations, then compute contact and rates at the stage */
     implicit_solve(plant);
-    while (!plant->clamped && implicit_revise_stops(plant)) {
+    while (!plant->clamped && (implicit_revise_stops(plant) || implicit_revise_effects(plant))) {
         implicit_solve(plant); /* terminates: each joint's stop changes at most twice */
     }
     implicit_find_contact(plant);

@@ -9,3 +9,4 @@ hil_test(hydraulic SOURCES physics/hydraulic.c physics/oil_rig.c physics/toy.c L
          LABELS physics)
 hil_test(hydraulic_faults SOURCES physics/hydraulic_faults.c physics/oil_rig.c physics/toy.c
          LIBS model LABELS physics)
+hil_test(passive_drives SOURCES physics/passive_drives.c physics/toy.c LIBS model LABELS physics)

@@ -280,6 +280,24 @@ TEST_WITH(rejects_ticks_that_substeps_do_not_fill, open_rig_tree, close_rig_tree
                  "nanoseconds");
 }
 
+TEST_WITH(rejects_cogging_that_substeps_do_not_resolve, open_rig_tree, close_rig_tree)
+{
+    char robot[sizeof toy_robot + 128];
+
+    strcpy(robot, toy_robot);
+    assert_true(replace(robot, sizeof robot, "L_h: 0.0003}",
+                        "L_h: 0.0003, cogging: [{per_turn: 24, nm: 1000}]}"));
+    assert_int_equal(write_file("config/robots/toy.yaml", robot, strlen(robot)), 0);
+    refused_with("substep_s: 0.0005", "substep_s: 0.0005",
+                 "5:12: joint hip: the rotor oscillates on its cogging at up to "
+                 "4899 rad/s, expected no more than 4000 rad/s for substeps of "
+                 "0.0005 s; lower the cogging, or set substep_s to at most 0.000408");
+    write_toy_with("substep_s: 0.0005", "substep_s: 0.0004");
+    assert_true(load_rig(rig_path)->substep_ns == 400000);
+    write_toy_with("substep_s: 0.0005", "substep_s: 0.0005\nintegrator: rk4");
+    assert_true(load_rig(rig_path)->integrator == PLANT_RK4);
+}
+
 TEST_WITH(rejects_names_that_nothing_has, open_rig_tree, close_rig_tree)
 {
     refused_with("pose: bent", "pose: bend",

@@ -1,0 +1,238 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Passive drives make no energy. Random drives with random effects, links and starts run without
+ * input by the default integrator at its default step, at rest bridges or with a shorted winding.
+ * The test computes the energies itself. HIL_PASSIVE_DRIVES=10000 runs as many drives for 10 s each
+ * instead of 2,000 for a tenth.
+ */
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/random.h"
+#include "model/drives/effects.h"
+#include "tests/physics/near.h"
+#include "tests/physics/toy_plant.h"
+
+enum { MS = 1000000, AT_DRIVE = 2, AT_EFFECT = AT_DRIVE + PLANT_DRIVE_STATE };
+
+struct passive_drive {
+    double inertia, passive; /* of the link, kg m2; of a spring beside the drive, N m/rad */
+    struct robot_sea sea;
+    struct robot_effects effects;
+    bool shorted;
+    double q, qd, qm, qmd, hysteresis; /* at the start */
+};
+
+static double log_uniform(struct random_stream *r, double low, double high)
+{
+    return low * pow(high / low, random_uniform(r));
+}
+
+static double uniform(struct random_stream *r)
+{
+    return 2.0 * random_uniform(r) - 1.0;
+}
+
+static bool coin(struct random_stream *r)
+{
+    return random_uniform(r) < 0.5;
+}
+
+/* Draws a drive whose spring bends by `scale` rad and carries Ks times as much. */
+static struct passive_drive draw_drive(uint64_t seed)
+{
+    struct random_stream first = {seed}, s = {random_bits(&first)}, *r = &s;
+    struct passive_drive d = {.inertia = log_uniform(r, 1e-6, 10.0),
+                              .passive = coin(r) ? log_uniform(r, 0.1, 1e5) : 0.0,
+                              .sea = {.present = true,
+                                      .J = log_uniform(r, 1e-6, 1.0),
+                                      .Dm = coin(r) ? log_uniform(r, 1e-5, 1.0) : 0.0,
+                                      .Ks = log_uniform(r, 1.0, 1e7),
+                                      .N = 100.0,
+                                      .Kt = 4.1,
+                                      .Kw = 4.1,
+                                      .R = 0.664,
+                                      .L = 0.32e-3}};
+    const double Ks = d.sea.Ks, both = d.sea.J * d.inertia / (d.sea.J + d.inertia);
+    const double scale = log_uniform(r, 1e-4, 0.1), torque = Ks * scale;
+    const double steepest =
+        EFFECTS_COGGING_SWING * EFFECTS_COGGING_SWING * 1e6 * d.sea.J / (24.0 * d.sea.N);
+    struct robot_effects *e = &d.effects;
+
+    d.sea.Ds = random_uniform(r) < 0.3 ? 0.0 : 2.0 * sqrt(Ks * both) * random_uniform(r);
+    if (coin(r)) {
+        e->coulomb = e->breakaway = torque * log_uniform(r, 1e-4, 1.0);
+        if (coin(r)) {
+            e->breakaway *= 1.0 + random_uniform(r);
+            e->stribeck = log_uniform(r, 1e-3, 1.0);
+        }
+    }
+    e->load.external = coin(r) ? 0.9 * random_uniform(r) : 0.0;
+    e->backlash = coin(r) ? scale * log_uniform(r, 1e-2, 1.0) : 0.0;
+    if (coin(r)) {
+        e->hysteresis = torque * log_uniform(r, 1e-3, 1.0);
+        e->hysteresis_stiffness = Ks * log_uniform(r, 1e-2, 10.0);
+    }
+    if (coin(r)) {
+        e->ncogging = 1;
+        e->cogging[0] =
+            (struct robot_harmonic){24.0, fmin(torque * log_uniform(r, 1e-4, 1e-2), steepest), 0.0};
+    }
+    if (coin(r)) {
+        e->nerror = 1;
+        e->error[0] = (struct robot_harmonic){2.0, log_uniform(r, 1e-6, 2e-3), 1.0};
+    }
+    d.shorted = random_uniform(r) < 0.3;
+    if (d.shorted && coin(r)) {
+        e->pwm = 2e4;
+        e->dead_time = 1e-6;
+    }
+    d.q = scale * uniform(r);
+    d.qm = d.q + scale * uniform(r);
+    if (coin(r)) {
+        d.qd = uniform(r) * fmin(100.0, scale * sqrt(Ks / d.inertia));
+        d.qmd = uniform(r) * fmin(100.0, scale * sqrt(Ks / d.sea.J));
+    }
+    return d;
+}
+
+enum store { LINK, ROTOR, SPRING, PASSIVE, WINDING, HYSTERESIS, COGGING, STORES };
+
+/* Computes the energies, J. Returns a bound on their rounding errors: the spring bends by the
+ * difference of two angles, which may be large. */
+static double find_energies(const struct passive_drive *d, const double *y, double store[STORES])
+{
+    const struct robot_effects *e = &d->effects;
+    const double q = y[0], qm = y[AT_DRIVE], z = y[AT_EFFECT];
+    const double error = e->error[0].amplitude * sin(2.0 * d->sea.N * qm + e->error[0].phase);
+    const double bend = fmax(0.0, fabs(qm + error - q) - 0.5 * e->backlash);
+    const double off = 4e-16 * (fabs(q) + fabs(qm)), stiff = d->sea.Ks + e->hysteresis_stiffness;
+    double rounding = 2.0 * stiff * off * (off + fabs(qm - q));
+
+    store[LINK] = 0.5 * d->inertia * y[1] * y[1];
+    store[ROTOR] = 0.5 * d->sea.J * y[AT_DRIVE + 1] * y[AT_DRIVE + 1];
+    store[SPRING] = 0.5 * d->sea.Ks * bend * bend;
+    store[PASSIVE] = 0.5 * d->passive * q * q;
+    store[WINDING] = 0.5 * d->sea.L * y[AT_DRIVE + 2] * y[AT_DRIVE + 2];
+    store[HYSTERESIS] = e->hysteresis > 0.0 ? 0.5 * z * z / e->hysteresis_stiffness : 0.0;
+    store[COGGING] = e->cogging[0].amplitude / (24.0 * d->sea.N) * cos(24.0 * d->sea.N * qm);
+    for (int i = 0; i < STORES; i++) {
+        rounding += 2e-14 * fabs(store[i]);
+    }
+    return rounding;
+}
+
+static void drive_open(struct toy_plant *p, const struct passive_drive *d)
+{
+    const double none[3] = {0.0, 0.0, 0.0}, z[3] = {0.0, 0.0, 1.0};
+    const double I[6] = {d->inertia, 0.0, 0.0, d->inertia, 0.0, d->inertia};
+    struct robot_joint *joint;
+
+    toy_plant_begin(p, PLANT_IMPLICIT, MS);
+    p->config.account_energy = false;
+    toy_begin(&p->toy, false, 1.0, none, I);
+    joint = &p->toy.joint[toy_add(&p->toy, 0, JOINT_REVOLUTE, z, none, d->inertia, none, I)];
+    joint->sea = d->sea;
+    joint->sea.effects = &d->effects;
+    joint->lower = -1e6;
+    joint->upper = 1e6;
+    joint->passive.stiffness = d->passive;
+    toy_plant_open(p);
+    assert_ok(plant_reset(p->plant, NULL, NULL, &d->q));
+    p->state[1] = d->qd;
+    p->state[AT_DRIVE] = d->qm;
+    p->state[AT_DRIVE + 1] = d->qmd;
+    p->state[AT_EFFECT] = d->hysteresis;
+    p->motor->bridge_on = d->shorted;
+}
+
+/* Returns the largest gain of energy in a tick as a part of the energy that changed its place in
+ * that tick. */
+static double find_worst_gain(const struct passive_drive *d, int ticks)
+{
+    double store[2][STORES], worst = 0.0, turnover = 1.0;
+    struct toy_plant p;
+
+    drive_open(&p, d);
+    find_energies(d, p.state, store[0]);
+    for (int k = 1; k <= ticks && turnover > 0.0; k++) {
+        double gain = 0.0, rounding;
+
+        assert_ok(plant_step(p.plant, 1));
+        rounding = find_energies(d, p.state, store[k % 2]);
+        turnover = 0.0;
+        for (int i = 0; i < STORES; i++) {
+            gain += store[k % 2][i] - store[(k + 1) % 2][i];
+            turnover += fabs(store[1][i] - store[0][i]);
+        }
+        if (gain > rounding) {
+            worst = fmax(worst, (gain - rounding) / turnover);
+        }
+    }
+    arena_fini(&p.arena);
+    return worst;
+}
+
+TEST(passive_drives_make_no_energy)
+{
+    const char *count = getenv("HIL_PASSIVE_DRIVES");
+    const int drives = count ? atoi(count) : 2000, ticks = count ? 10000 : 100;
+
+    for (int n = 1; n <= drives; n++) {
+        const struct passive_drive d = draw_drive((uint64_t)n);
+        const double worst = find_worst_gain(&d, ticks);
+
+        if (worst > 1e-9) {
+            fail_msg("drive %d gains %.1e of its turnover in a tick", n, worst);
+        }
+    }
+}
+
+/* A light link between a spring and a stiff drive with Coulomb friction: the rotor swings on both
+ * springs in series. Friction F moves the middle of each half swing by F/K, damping multiplies the
+ * rest by rho. */
+TEST(light_link_behind_friction_decays_by_its_closed_form)
+{
+    const struct passive_drive d = {.inertia = 1e-3,
+                                    .passive = 2425.0,
+                                    .sea = {.present = true,
+                                            .J = 0.0295,
+                                            .Dm = 0.24,
+                                            .Ks = 2e5,
+                                            .Ds = 50.0,
+                                            .N = 9.0,
+                                            .Kt = 1.0,
+                                            .Kw = 1.0,
+                                            .R = 1.0,
+                                            .L = 1e-3},
+                                    .effects = {.coulomb = 0.03, .breakaway = 0.03},
+                                    .q = 0.002,
+                                    .qm = 0.002};
+    const double share = d.sea.Ks / (d.sea.Ks + d.passive), K = share * d.passive;
+    const double inertia = d.sea.J + d.inertia * share * share, f = d.effects.coulomb / K;
+    const double D = d.sea.Dm + d.sea.Ds * (1.0 - share) * (1.0 - share);
+    const double decay = 0.5 * D / inertia, rate = sqrt(K / inertia - decay * decay);
+    const double rho = exp(-M_PI * decay / rate);
+    double swing = d.qm, before = 0.0;
+    int halves = 0;
+    struct toy_plant p;
+
+    drive_open(&p, &d);
+    for (int k = 0; k < 1500; k++) {
+        const double *y = p.state + AT_DRIVE;
+
+        assert_ok(plant_step(p.plant, 1));
+        if (y[1] * before < 0.0) {
+            const double found = sqrt(y[0] * y[0] + inertia / K * y[1] * y[1]);
+
+            swing = (swing - f) * rho - f;
+            halves++;
+            assert_near(found, swing, 0.01 * swing + 0.5 * f);
+        }
+        before = y[1] != 0.0 ? y[1] : before;
+    }
+    print_message("# %d half swings, %.3g rad left\n", halves, swing);
+    assert_true(halves > 30 && swing < 3.0 * f);
+    assert_true(p.state[AT_DRIVE + 1] == 0.0 && fabs(p.state[AT_DRIVE]) <= 1.1 * f);
+    arena_fini(&p.arena);
+}
