@@ -82,6 +82,10 @@ struct gateway_config {
     /* In lockstep: after a STEP, forwards nothing to clients until gateway_release_done. An
      * observer of the buses therefore sees the frames of a STEP before a client can answer */
     bool hold_done;
+    /* Returns the lines that answer "tell WORD", `size` bytes that are valid until the next call;
+     * NULL = unknown word. The gateway's thread calls it. NULL = all words are unknown */
+    const char *(*tell)(void *context, const char *word, size_t *size);
+    void *context;
 };
 
 struct gateway_counters {

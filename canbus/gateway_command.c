@@ -172,6 +172,29 @@ static void gateway_take_frame(struct gateway *gateway, struct gateway_client *c
     gateway_send_frame(gateway, client, bus, &request->frame);
 }
 
+/* Answers "tell WORD" with a row for each line, and "ok". */
+static void gateway_tell(struct gateway *gateway, struct gateway_client *client, const char *word)
+{
+    size_t size = 0;
+    const char *line =
+        gateway->config.tell ? gateway->config.tell(gateway->config.context, word, &size) : NULL;
+
+    if (!line) {
+        gateway_reject_command(gateway, client, "< error nothing to tell about this word >");
+        return;
+    }
+    for (const char *end = line + size; line < end;) {
+        const char *next = memchr(line, '\n', (size_t)(end - line));
+
+        next = next ? next : end;
+        gateway_answer_client(gateway, client, "\n< row ");
+        gateway_queue_text(gateway, client, line, (size_t)(next - line));
+        gateway_answer_client(gateway, client, " >");
+        line = next + 1;
+    }
+    gateway_answer_client(gateway, client, "\n< ok >");
+}
+
 /* Executes one command of a client, "< ... >". */
 static void gateway_execute_command(struct gateway *gateway, struct gateway_client *client,
                                     const char *text, size_t size)
@@ -203,6 +226,9 @@ static void gateway_execute_command(struct gateway *gateway, struct gateway_clie
         break;
     case SOCKETCAND_ECHO:
         gateway_answer_client(gateway, client, "< echo >");
+        break;
+    case SOCKETCAND_TELL:
+        gateway_tell(gateway, client, request.bus);
         break;
     case SOCKETCAND_SEND:
         gateway_take_frame(gateway, client, &request);

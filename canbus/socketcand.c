@@ -153,10 +153,11 @@ static enum socketcand_command socketcand_parse_words(const struct socketcand_wo
     if (strcmp(name, "send") == 0 || strcmp(name, "sendrtr") == 0 || strcmp(name, "fdsend") == 0) {
         return socketcand_parse_send(words, request);
     }
-    if (strcmp(name, "open") == 0) {
-        return words->count == 2 && socketcand_copy_bus(words->word[1], request->bus)
-                   ? SOCKETCAND_OPEN
-                   : SOCKETCAND_MALFORMED;
+    if (strcmp(name, "open") == 0 || strcmp(name, "tell") == 0) {
+        return words->count != 2 || !socketcand_copy_bus(words->word[1], request->bus)
+                   ? SOCKETCAND_MALFORMED
+               : *name == 'o' ? SOCKETCAND_OPEN
+                              : SOCKETCAND_TELL;
     }
     for (size_t i = 0; i < ARRAY_COUNT(plain); i++) {
         if (strcmp(name, plain[i].name) == 0) {

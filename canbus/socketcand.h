@@ -27,6 +27,7 @@ enum socketcand_command {
     SOCKETCAND_BCMMODE,
     SOCKETCAND_ECHO,
     SOCKETCAND_SEND, /* send, sendrtr or fdsend */
+    SOCKETCAND_TELL, /* ours: tell WORD */
     /* a valid command that the server does not support: add, subscribe, ... */
     SOCKETCAND_OTHER,
     SOCKETCAND_UNKNOWN,   /* not a socketcand command */
@@ -38,7 +39,8 @@ enum { SOCKETCAND_TEXT_MAX = 288, SOCKETCAND_BUS_MAX = 16 };
 
 struct socketcand_request {
     enum socketcand_command command;
-    /* SOCKETCAND_OPEN: bus to open; SOCKETCAND_SEND: "" = no bus in the command */
+    /* SOCKETCAND_OPEN: bus to open; SOCKETCAND_TELL: word; SOCKETCAND_SEND: "" = no bus in the
+     * command */
     char bus[SOCKETCAND_BUS_MAX + 1];
     struct bus_frame frame; /* SOCKETCAND_SEND; a valid frame with time_ns 0 */
 };

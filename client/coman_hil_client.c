@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Implements coman_hil_client.h. Order of the file: signals in frames, DBC files, connections
+/* Implements coman_hil_client.h. Order of the file: numbers in frames, client table, connections
  * (gateway and SocketCAN), joints and the commands of their boards, time. */
 #ifndef _GNU_SOURCE
 #define _GNU_SOURCE
@@ -8,7 +8,6 @@
 
 #include <arpa/inet.h>
 #include <ctype.h>
-#include <dirent.h>
 #include <errno.h>
 #include <inttypes.h>
 #include <linux/can/raw.h>
@@ -26,33 +25,32 @@
 #include <time.h>
 #include <unistd.h>
 
-#define WORD "%32[A-Za-z0-9_]" /* sscanf format of a name in a DBC file */
-
 enum {
     BUSES_MAX = 64,
-    BOARDS_MAX = 512,
     JOINTS_MAX = 512,
     SENSORS_MAX = 128,
-    NAME_SIZE = 33,        /* bytes of a short name in a DBC file, with the final zero */
-    LONG_SIZE = 128,       /* bytes of a long name, with the final zero */
-    FILE_SIZE = 1 << 22,   /* largest DBC file, bytes */
+    FILE_SIZE = 1 << 24,   /* largest client table, bytes */
     STREAM_SIZE = 1 << 16, /* bytes of the gateway's receive buffer, and of its send buffer */
     READS_MAX = 64,        /* most reads per receive call */
     PLAIN = -1,            /* signal that is not multiplexed */
     SELECTOR = -2,         /* multiplexer: byte 0 selects the signals in the frame */
     STEP_TICKS = 1000,     /* most ticks in one STEP */
     READY_SIZE = 4096,     /* longest line in the file of --ready, bytes */
+    STAGES_MAX = 4096,     /* most stages of a setup */
+    STAGE_TICKS = 2,       /* ticks between two stages of a setup */
     SETTLE_TICKS = 5,      /* ticks until the boards have reported a new mode or setting */
     ENABLE_TICKS = 1000,   /* longest wait for motors to switch on */
     MISMATCH = 4,          /* flags of DONE */
     STOPPING = 8,
+    ID_BYTE = 64, /* place of the identifier behind the data of a frame */
+    IMAGE_SIZE = ID_BYTE + 4,
+    WORDS_MAX = 10, /* most words in a row of the client table */
 };
 
-enum protocol { ICUB, FOC, COMPACT, OTHER };
-
-/* Quantities of a joint that boards report. */
+/* Quantities that boards report. */
 enum source {
     POSITION,
+    TURN, /* position within a turn of the motor */
     DEFLECTION,
     MOTOR_POSITION,
     MOTOR_VELOCITY,
@@ -60,90 +58,121 @@ enum source {
     TORQUE,
     MODE,
     FAULTS,
-    SOURCES
+    FORCE, /* six channels of a sensor */
+    GAIN = FORCE + 6,
+    SOURCES = GAIN + HIL_CLIENT_QUANTITIES,
 };
 
-struct signal {
-    char name[LONG_SIZE], unit[16];
-    const char *about;     /* its joint or sensor; "" = none */
-    const char *long_name; /* NULL = none */
-    double scale, offset;
+static const char *const source_names[SOURCES] = {
+    [POSITION] = "position",
+    [TURN] = "position_in_turn",
+    [DEFLECTION] = "deflection",
+    [MOTOR_POSITION] = "motor_position",
+    [MOTOR_VELOCITY] = "motor_velocity",
+    [CURRENT] = "current",
+    [TORQUE] = "torque",
+    [MODE] = "mode",
+    [FAULTS] = "faults",
+    [FORCE] = "fx",
+    [FORCE + 1] = "fy",
+    [FORCE + 2] = "fz",
+    [FORCE + 3] = "mx",
+    [FORCE + 4] = "my",
+    [FORCE + 5] = "mz",
+    [GAIN + HIL_CLIENT_CURRENT] = "current_gain",
+    [GAIN + HIL_CLIENT_POSITION] = "position_gain",
+    [GAIN + HIL_CLIENT_VELOCITY] = "velocity_gain",
+};
+
+static const char *const quantity_names[HIL_CLIENT_QUANTITIES] = {"off",      "voltage",  "current",
+                                                                  "position", "velocity", "torque"};
+
+/* A number in a frame: value = count * scale + offset. */
+struct field {
     struct message *message;
-    size_t first, count;   /* its named values in core->name */
-    int selector;          /* multiplexed: the value of byte 0; else PLAIN or SELECTOR */
-    unsigned start, end;   /* first bit; bytes of the shortest frame with the whole signal */
-    unsigned bits, length; /* length: bytes of its frame; 0 = the message's length */
+    unsigned start, end; /* first bit; bytes of the shortest frame with the whole field */
+    unsigned bits;
     bool big_endian, negative, floating;
+    double scale, offset;
 };
 
+/* A signal of a message. */
+struct signal {
+    struct field field;
+    const char *name;
+    int selector;    /* multiplexed: the value of byte 0; else PLAIN or SELECTOR */
+    unsigned length; /* bytes of its frame */
+};
+
+/* A message, a frame or a report of the client table. */
 struct message {
-    char name[LONG_SIZE], sender[LONG_SIZE];
-    const char *long_name; /* NULL = none */
-    uint32_t id;           /* bit 31 set: 29-bit identifier */
+    const char *name;
+    uint32_t id; /* bit 31 set: 29-bit identifier */
     struct bus *bus;
     size_t first, count; /* its signals in core->signal */
-    bool fd, pending;
-    unsigned length, heard; /* heard: length of the last received frame, in data */
-    uint8_t data[64], out[64];
+    bool fd, remote, pending;
+    unsigned length, heard; /* heard: length of the last received frame */
+    uint8_t data[IMAGE_SIZE];
     int64_t time_ns;
+
+    /* Reports: the bits that identify the frame, and their values */
+    uint32_t id_mask;
+    uint8_t mask[64], value[64];
+    /* Frames: checksum and its byte; number of the counter, -1 = none, and its place */
+    int checksum, checksum_byte, counter;
+    struct field count_field;
+    uint32_t *sent; /* frames sent with this counter */
+    uint32_t own_sent;
 };
 
-/* A named value of a signal (VAL_). */
+/* A named mode of a bus. */
 struct name {
+    const struct bus *bus;
     int64_t number;
     const char *text;
 };
 
-struct board {
-    char name[LONG_SIZE];
-    struct bus *bus;
-    bool has_motors;
-};
-
 struct bus {
-    char name[41], interface[16], *file, *text; /* file: path and text, one allocation */
-    uint64_t hash;                              /* hash of the file's bytes */
-    enum protocol protocol;
-    double supply_v;
+    char name[41], interface[16];
+    bool every_tick; /* set points are sent every tick */
+    uint32_t step_id, done_id;
     size_t first, count; /* its messages in core->message */
-    int socket;          /* SocketCAN; -1 = none */
-    bool done;           /* DONE of the present STEP received */
+    size_t frame, nframe, report, nreport;
+    int socket; /* SocketCAN; -1 = none */
+    bool done;  /* DONE of the present STEP received */
 };
 
-/* Conversion of a set-point to a raw value: (value - offset) / scale. If percent is true, the value
- * is in % of the supply. */
-struct set_point {
-    const struct signal *signal; /* NULL = not supported by the board */
-    double scale, offset;
-    bool percent;
+/* A row of the client table about frames and values (rig/client_table.h). */
+struct row {
+    enum { SETUP, CYCLE, SWITCH, SET, ASK, VALUE } kind;
+    int owner; /* joint or sensor; -1 = none */
+    enum hil_client_quantity quantity;
+    enum source source;
+    int stage;
+    struct message *frame;
+    struct field field;
+    int64_t count;
+    double low, high;
+    const char *mode; /* name of the mode in which the board takes the set point */
 };
 
 struct joint {
     const char *name;
-    const struct board *board;
-    const struct signal *source[SOURCES], *mode; /* mode: signal of the mode command; NULL = none */
-    struct set_point set_point[HIL_CLIENT_QUANTITIES];
     enum hil_client_quantity quantity;
     double value;
 };
 
-struct sensor {
-    const char *name;
-    const struct board *board;
-    const struct signal *source[6];
-};
-
 struct hil_client_core {
     struct bus bus[BUSES_MAX];
-    struct board board[BOARDS_MAX];
     struct joint joint[JOINTS_MAX];
-    struct sensor sensor[SENSORS_MAX];
-    struct message *message;
+    const char *sensor[SENSORS_MAX];
+    struct message *message, *frame, *report;
     struct signal *signal;
     struct name *name;
-    size_t nbus, nboard, njoint, nsensor, nmessage, nsignal, nname;
-    char rig[41];
-    struct hil_client_foc_motor motor;
+    struct row *row;
+    size_t nbus, njoint, nsensor, nmessage, nframe, nreport, nsignal, nname, nrow;
+    const char *rig;
+    struct bus *reading; /* bus of the rows that are read */
     int timeout_ms, refresh_ticks;
     int64_t deadline_ms;
     bool lockstep, listening;
@@ -151,39 +180,14 @@ struct hil_client_core {
     int gateway;     /* its socket; -1 = SocketCAN */
     unsigned heard;  /* number of its answers ("hi", "ok", "ok") */
     uint64_t frames; /* number of received frames */
-    size_t nin, nout;
+    size_t nin, nout, ntable;
     char in[STREAM_SIZE], out[STREAM_SIZE];
+    char *table;    /* text of the client table; its rows point into it */
+    char told[512]; /* last row that the gateway told */
 
-    struct message *step; /* STEP; NULL = no bus has this message */
-    uint32_t begin, expected, told;
+    struct bus *step; /* bus of STEP; NULL = none */
+    uint32_t begin, expected, at;
     bool joined, refused, stopping;
-};
-
-/* Per protocol and quantity: the board's name of the mode, and the prefix of the set-point signal's
- * name. */
-static const struct {
-    const char *name, *mode[HIL_CLIENT_QUANTITIES], *signal[HIL_CLIENT_QUANTITIES];
-} protocols[] = {
-    [ICUB] = {"icub",
-              {"force_idle", "open_loop", "current", "direct"},
-              {NULL, "SET_OPEN_LOOP_pwm", "SET_DESIRED_TORQUE_torq", "SET_COMMAND_POSITION_p"}},
-    [FOC] = {"foc", {"force_idle", "open_loop", "current", NULL}, {NULL, "target", "target", NULL}},
-    [COMPACT] = {"compact", {"off", "voltage", "current", NULL}, {NULL, "set_po", "set_po", NULL}},
-    [OTHER] = {"", {NULL}, {NULL}},
-};
-
-/* Per quantity: the signals that report it, as MESSAGE:signal without the names of sender and
- * joint. The client uses the first entry that the tables contain. */
-static const char *const sources[SOURCES] = {
-    [POSITION] = " POSITION:position TELEMETRY_FD:link_position ",
-    [DEFLECTION] = " TELEMETRY:deflection ",
-    [MOTOR_POSITION] = (" MOTOR_POSITION:position FOC:position TELEMETRY:motor_position "
-                        "TELEMETRY_FD:motor_position "),
-    [MOTOR_VELOCITY] = " FOC:velocity TELEMETRY_FD:motor_velocity ",
-    [CURRENT] = " CURRENT:current FOC:current TELEMETRY:current TELEMETRY_FD:current ",
-    [TORQUE] = " TELEMETRY:torque TELEMETRY_FD:torque FORCE:torque TORQUE:torque ",
-    [MODE] = " TELEMETRY_FD:mode STATUS:mode STATE:mode ",
-    [FAULTS] = " STATUS:fault STATUS:faults STATE:faults ",
 };
 
 /* ---- errors and time ---- */
@@ -239,111 +243,110 @@ static enum hil_client_code client_poll(struct hil_client *client, struct pollfd
                         : client_fail_system(client, "poll");
 }
 
-/* ---- signals in frames ---- */
+/* ---- numbers in frames ---- */
 
-/* Returns the next bit of a signal: less significant if big-endian, else more significant. */
-static unsigned signal_next_bit(const struct signal *signal, unsigned bit)
+/* Returns the next bit of a field: less significant if big-endian, else more significant. */
+static unsigned field_next_bit(const struct field *field, unsigned bit)
 {
-    return !signal->big_endian ? bit + 1 : bit % 8 ? bit - 1 : bit + 15;
+    return !field->big_endian ? bit + 1 : bit % 8 ? bit - 1 : bit + 15;
 }
 
-/* Writes a raw value into the bits of a signal. */
-static void signal_put(const struct signal *signal, uint8_t *data, uint64_t count)
+/* Writes a raw value into the bits of a field. */
+static void field_put(const struct field *field, uint8_t *data, uint64_t count)
 {
-    unsigned bit = signal->start;
+    unsigned bit = field->start;
 
-    for (unsigned i = 0; i < signal->bits; i++, bit = signal_next_bit(signal, bit)) {
+    for (unsigned i = 0; i < field->bits; i++, bit = field_next_bit(field, bit)) {
         const unsigned mask = 1u << bit % 8;
 
         data[bit / 8] &= (uint8_t)~mask;
-        if (count >> (signal->big_endian ? signal->bits - 1 - i : i) & 1u) {
+        if (count >> (field->big_endian ? field->bits - 1 - i : i) & 1u) {
             data[bit / 8] |= (uint8_t)mask;
         }
     }
 }
 
-/* Reads the raw value from the last frame of the signal's message; false = no frame, or the frame
- * lacks the signal. */
-static bool signal_get(const struct signal *signal, int64_t *count)
+/* Reads the raw value from the last frame of the field's message; false = no frame, or the frame
+ * lacks the field. */
+static bool field_get(const struct field *field, int64_t *count)
 {
-    const struct message *message = signal ? signal->message : NULL;
+    const struct message *message = field ? field->message : NULL;
     uint64_t raw = 0;
-    unsigned bit = signal ? signal->start : 0;
+    unsigned bit = field ? field->start : 0;
 
-    if (!message || message->time_ns < 0 || message->heard < signal->end ||
-        (signal->selector >= 0 && message->data[0] != signal->selector)) {
+    if (!message || message->time_ns < 0 || message->heard < field->end) {
         return false;
     }
-    for (unsigned i = 0; i < signal->bits; i++, bit = signal_next_bit(signal, bit)) {
+    for (unsigned i = 0; i < field->bits; i++, bit = field_next_bit(field, bit)) {
         const uint64_t one = message->data[bit / 8] >> bit % 8 & 1u;
 
-        raw = signal->big_endian ? raw << 1 | one : raw | one << i;
+        raw = field->big_endian ? raw << 1 | one : raw | one << i;
     }
-    if (signal->negative && signal->bits < 64 && raw >> (signal->bits - 1)) {
-        raw -= UINT64_C(1) << signal->bits;
+    if (field->negative && field->bits < 64 && raw >> (field->bits - 1)) {
+        raw -= UINT64_C(1) << field->bits;
     }
     *count = (int64_t)raw;
     return true;
 }
 
-/* Returns the value in the last frame, in the signal's unit; NAN = no value. */
-static double signal_value(const struct signal *signal)
+/* Returns the value in the last frame; NAN = no value. */
+static double field_value(const struct field *field)
 {
     int64_t count;
     uint32_t bits;
     float number;
 
-    if (!signal_get(signal, &count)) {
+    if (!field_get(field, &count)) {
         return NAN;
     }
     bits = (uint32_t)count;
     memcpy(&number, &bits, sizeof number);
-    return (signal->floating   ? (double)number
-            : signal->negative ? (double)count
-                               : (double)(uint64_t)count) *
-               signal->scale +
-           signal->offset;
+    return (field->floating   ? (double)number
+            : field->negative ? (double)count
+                              : (double)(uint64_t)count) *
+               field->scale +
+           field->offset;
 }
 
-/* Returns the value in the last frame, in SI units (mA converted to A). */
-static double signal_value_si(const struct signal *signal)
+/* Converts a value to the bits of a field. Clamps the value to the range of the field. */
+static uint64_t field_encode(const struct field *field, double value)
 {
-    return signal_value(signal) * (signal && !strcmp(signal->unit, "mA") ? 1e-3 : 1.0);
-}
-
-/* Converts a value to the bits of a signal. Clamps the value to the range of the signal. */
-static uint64_t signal_encode(const struct signal *signal, double value, double scale,
-                              double offset)
-{
-    const double high = ldexp(1.0, (int)signal->bits - signal->negative);
-    const double count = rint((value - offset) / scale);
-    const float number = (float)value;
+    const double high = ldexp(1.0, (int)field->bits - field->negative);
+    const double scaled = (value - field->offset) / field->scale, count = rint(scaled);
+    const float number = (float)scaled;
     uint32_t bits;
 
-    if (signal->floating) {
+    if (field->floating) {
         memcpy(&bits, &number, sizeof bits);
         return bits;
     }
     if (count >= high) {
-        return UINT64_MAX >> (64 - signal->bits + signal->negative);
+        return UINT64_MAX >> (64 - field->bits + field->negative);
     }
-    if (signal->negative && count < 0.0) {
+    if (field->negative && count < 0.0) {
         return (uint64_t)(int64_t)(count > -high ? count : -high);
     }
     return count > 0.0 ? (uint64_t)count : 0;
 }
 
-/* Returns the name of a signal without the prefix of its joint. */
-static const char *signal_quantity(const struct signal *signal)
+/* Reads START|BITS@ORDER; false = invalid. Sets the end. */
+static bool field_read(struct field *field, const char *text)
 {
-    const char *name = signal->name, *about = signal->about;
+    char order, kind;
 
-    name += *name == '_' && isdigit((unsigned char)*about);
-    for (; *about && *name == (isalnum((unsigned char)*about) ? *about : '_'); about++) {
-        name++;
+    if (sscanf(text, "%3u|%2u@%c%c", &field->start, &field->bits, &order, &kind) != 4) {
+        return false;
     }
-    return signal->about[0] && !*about && *name == '_' ? name + 1 : signal->name;
+    field->big_endian = order == '0';
+    field->negative = kind == '-';
+    field->floating = kind == 'f';
+    field->end = !field->big_endian
+                     ? (field->start + field->bits + 7) / 8
+                     : field->start / 8 + (field->bits + 7 - field->start % 8 + 7) / 8;
+    return field->bits <= 64 && (!field->floating || field->bits == 32) && field->end <= IMAGE_SIZE;
 }
+
+/* ---- messages ---- */
 
 static struct signal *signal_find(const struct hil_client_core *core, const struct message *message,
                                   const char *name)
@@ -351,21 +354,6 @@ static struct signal *signal_find(const struct hil_client_core *core, const stru
     for (size_t i = 0; message && i < message->count; i++) {
         if (!strcmp(core->signal[message->first + i].name, name)) {
             return &core->signal[message->first + i];
-        }
-    }
-    return NULL;
-}
-
-/* Finds a named value by its text or, if text is NULL, by its number; NULL = not found. */
-static const struct name *signal_find_name(const struct hil_client_core *core,
-                                           const struct signal *signal, const char *text,
-                                           int64_t number)
-{
-    for (size_t i = 0; signal && i < signal->count; i++) {
-        const struct name *name = &core->name[signal->first + i];
-
-        if (text ? !strcmp(name->text, text) : name->number == number) {
-            return name;
         }
     }
     return NULL;
@@ -382,17 +370,13 @@ static struct message *message_find_id(const struct hil_client_core *core, const
     return NULL;
 }
 
-/* Finds the message whose name is sender followed by kind; NULL = not found. */
+/* Finds the message with a name; NULL = not found. */
 static struct message *message_find(const struct hil_client_core *core, const struct bus *bus,
-                                    const char *sender, const char *kind)
+                                    const char *name)
 {
-    const size_t length = strlen(sender);
-
     for (size_t i = 0; bus && i < bus->count; i++) {
-        struct message *message = &core->message[bus->first + i];
-
-        if (!strncmp(message->name, sender, length) && !strcmp(message->name + length, kind)) {
-            return message;
+        if (!strcmp(core->message[bus->first + i].name, name)) {
+            return &core->message[bus->first + i];
         }
     }
     return NULL;
@@ -408,464 +392,354 @@ static struct bus *bus_find(struct hil_client_core *core, const char *name)
     return NULL;
 }
 
-/* ---- tables: the lines of a DBC file ---- */
+/* ---- the client table (rig/client_table.h) ---- */
 
-/* Each function parses the rest of a line after its keyword; false = invalid line. Stored strings
- * point into the text of the file. */
-
-/* Reads a message (BO_): ID NAME: LENGTH SENDER */
-static bool table_read_message(struct hil_client_core *core, struct bus *bus, char *line)
+static int table_find_joint(const struct hil_client_core *core, const char *name)
 {
-    struct message *message = &core->message[core->nmessage];
-
-    *message = (struct message){.bus = bus, .first = core->nsignal, .time_ns = -1};
-    if (sscanf(line, "%10" SCNu32 " " WORD ": %4u " WORD, &message->id, message->name,
-               &message->length, message->sender) != 4 ||
-        message->length > sizeof message->data || message_find_id(core, bus, message->id)) {
-        return false;
+    for (size_t i = 0; i < core->njoint; i++) {
+        if (!strcmp(core->joint[i].name, name)) {
+            return (int)i;
+        }
     }
-    core->nmessage++;
-    bus->count++;
+    return -1;
+}
+
+static int table_find_sensor(const struct hil_client_core *core, const char *name)
+{
+    for (size_t i = 0; i < core->nsensor; i++) {
+        if (!strcmp(core->sensor[i], name)) {
+            return (int)i;
+        }
+    }
+    return -1;
+}
+
+/* Returns the index of a word; -1 = not found. */
+static int table_find_word(const char *const *words, int count, const char *word)
+{
+    for (int i = 0; i < count; i++) {
+        if (words[i] && !strcmp(words[i], word)) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+/* Reads hexadecimal data, "-" = none. Returns the number of bytes. */
+static unsigned table_read_data(const char *text, uint8_t data[64])
+{
+    unsigned length = 0, byte;
+
+    while (length < 64 && isxdigit((unsigned char)text[0]) && isxdigit((unsigned char)text[1]) &&
+           sscanf(text, "%2x", &byte) == 1) {
+        text += 2;
+        data[length++] = (uint8_t)byte;
+    }
+    return length;
+}
+
+/* Reads ID FORMAT. */
+static void table_read_head(struct message *message, struct bus *bus, char **word)
+{
+    message->bus = bus;
+    message->id = (uint32_t)strtoul(word[0], NULL, 16) | (strlen(word[0]) == 8 ? CAN_EFF_FLAG : 0);
+    message->fd = *word[1] == 'f';
+    message->remote = *word[1] == 'r';
+    message->time_ns = -1;
+    memcpy(message->data + ID_BYTE, &message->id, sizeof message->id);
+}
+
+/* Reads a frame from the host: ID FORMAT DATA CHECKSUM BYTE COUNTER FIELD */
+static bool table_read_frame(struct hil_client_core *core, struct bus *bus, char **word)
+{
+    struct message *frame = &core->frame[core->nframe];
+
+    table_read_head(frame, bus, word);
+    frame->length = table_read_data(word[2], frame->data);
+    frame->checksum = atoi(word[3]);
+    frame->checksum_byte = atoi(word[4]);
+    frame->counter = atoi(word[5]);
+    frame->sent = &frame->own_sent;
+    for (size_t i = bus->nframe; i-- > 0;) {
+        struct message *other = &core->frame[bus->frame + i];
+
+        frame->sent = frame->counter >= 0 && other->counter == frame->counter ? &other->own_sent
+                                                                              : frame->sent;
+    }
+    core->nframe++;
+    bus->nframe++;
+    return field_read(&frame->count_field, word[6]) && (unsigned)frame->checksum_byte < 64;
+}
+
+/* Reads a report of a board: ID FORMAT LENGTH ID_MASK DATA_MASK DATA */
+static bool table_read_report(struct hil_client_core *core, struct bus *bus, char **word)
+{
+    struct message *report = &core->report[core->nreport];
+
+    table_read_head(report, bus, word);
+    report->length = (unsigned)atoi(word[2]);
+    report->id_mask = (uint32_t)strtoul(word[3], NULL, 16) | CAN_EFF_FLAG;
+    table_read_data(word[4], report->mask);
+    table_read_data(word[5], report->value);
+    core->nreport++;
+    bus->nreport++;
     return true;
 }
 
-/* Reads a signal (SG_): NAME SELECTOR : START|BITS@ORDER SIGN (SCALE,OFFSET) [MIN|MAX] "UNIT"
- * RECEIVERS */
-static bool table_read_signal(struct hil_client_core *core, struct bus *bus, char *line)
+/* Reads the frame or the report with a number on the bus into a row; false = none. */
+static bool table_read_number(struct message *first, size_t count, const char *word,
+                              struct row *row)
 {
-    struct message *message = bus->count ? &core->message[core->nmessage - 1] : NULL;
-    struct signal *s = &core->signal[core->nsignal];
-    char selector[8] = "", order, sign;
-    int size = 0;
+    const unsigned long number = strtoul(word, NULL, 10);
 
-    *s = (struct signal){.about = "", .message = message, .selector = PLAIN};
-    if (!message || sscanf(line, WORD " %n%7[Mm0-9] %n", s->name, &size, selector, &size) < 1 ||
-        sscanf(line + size, ": %3u|%2u@%c%c (%lf,%lf) [%*f|%*f] \"%n%15[^\"]", &s->start, &s->bits,
-               &order, &sign, &s->scale, &s->offset, &size, s->unit) < 6) {
+    row->frame = number < count ? first + number : NULL;
+    return row->frame;
+}
+
+/* Reads a row of one of the kinds of struct row. */
+static bool table_read_row(struct hil_client_core *core, struct bus *bus, char **word)
+{
+    /* places of the words; -1 = none */
+    static const struct {
+        const char *name;
+        int owner, quantity, stage, frame, field;
+    } kinds[] = {
+        [SETUP] = {"setup", -1, -1, 1, 2, -1}, [CYCLE] = {"cycle", 2, -1, -1, 1, -1},
+        [SWITCH] = {"switch", 1, 2, 3, 4, 5},  [SET] = {"set", 1, 2, -1, 3, 4},
+        [ASK] = {"ask", 1, 2, -1, 3, -1},      [VALUE] = {"value", 1, 2, -1, 3, 4},
+    };
+    struct row *row = &core->row[core->nrow];
+    int kind = 0, found;
+
+    while (strcmp(kinds[kind].name, word[0]) != 0) {
+        kind++;
+    }
+    *row = (struct row){.kind = kind, .owner = -1};
+    if (kinds[kind].owner >= 0) {
+        row->owner = table_find_joint(core, word[kinds[kind].owner]);
+    }
+    if (kind == VALUE) {
+        found = table_find_word(source_names, SOURCES, word[2]);
+        row->source = (enum source)found;
+        row->owner = found >= FORCE && found < GAIN ? table_find_sensor(core, word[1]) : row->owner;
+    } else {
+        found = kinds[kind].quantity < 0
+                    ? 0
+                    : table_find_word(quantity_names, HIL_CLIENT_QUANTITIES, word[2]);
+        row->quantity = (enum hil_client_quantity)found;
+    }
+    row->stage = kinds[kind].stage < 0 ? 0 : atoi(word[kinds[kind].stage]);
+    if (found < 0 || row->stage < 0 || row->stage >= STAGES_MAX ||
+        (row->owner < 0 && kinds[kind].owner >= 0 && strcmp(word[kinds[kind].owner], "-") != 0) ||
+        !table_read_number(kind == VALUE ? core->report + bus->report : core->frame + bus->frame,
+                           kind == VALUE ? bus->nreport : bus->nframe, word[kinds[kind].frame],
+                           row) ||
+        (kinds[kind].field >= 0 && !field_read(&row->field, word[kinds[kind].field]))) {
         return false;
     }
-    s->selector = selector[0] == 'm' ? atoi(selector + 1) : selector[0] ? SELECTOR : PLAIN;
-    s->big_endian = order == '0';
-    s->negative = sign == '-';
-    s->end = !s->big_endian ? (s->start + s->bits + 7) / 8
-                            : s->start / 8 + (s->bits + 7 - s->start % 8 + 7) / 8;
-    if (s->bits < 1 || s->bits > 64 || s->end > message->length || s->selector > UINT8_MAX ||
-        !(fabs(s->scale) > 0.0 && isfinite(s->scale) && isfinite(s->offset))) {
+    row->field.message = row->frame;
+    row->field.end = row->field.start >= 8 * ID_BYTE ? 0 : row->field.end;
+    if (kind == SWITCH) {
+        row->count = strtoll(word[6], NULL, 10);
+    } else if (kind == SET || kind == VALUE) {
+        row->field.scale = strtod(word[5], NULL);
+        row->field.offset = strtod(word[6], NULL);
+    }
+    if (kind == SET) {
+        row->low = strtod(word[7], NULL);
+        row->high = strtod(word[8], NULL);
+        row->mode = word[9];
+    }
+    core->nrow++;
+    return (kind != SET && kind != VALUE) || (row->field.bits >= 1 && fabs(row->field.scale) > 0.0);
+}
+
+/* Reads a message: ID FORMAT LENGTH NAME */
+static bool table_read_message(struct hil_client_core *core, struct bus *bus, char **word)
+{
+    struct message *message = &core->message[core->nmessage++];
+
+    table_read_head(message, bus, word);
+    message->length = (unsigned)atoi(word[2]);
+    message->name = word[3];
+    message->first = core->nsignal;
+    bus->count++;
+    return message->length <= ID_BYTE;
+}
+
+/* Reads a signal of the last message: FIELD SCALE OFFSET SELECTOR LENGTH NAME */
+static bool table_read_signal(struct hil_client_core *core, struct bus *bus, char **word)
+{
+    struct signal *signal = &core->signal[core->nsignal++];
+    struct message *message = bus->count ? &core->message[core->nmessage - 1] : NULL;
+
+    signal->field.message = message;
+    signal->field.scale = strtod(word[1], NULL);
+    signal->field.offset = strtod(word[2], NULL);
+    signal->selector = atoi(word[3]);
+    signal->length = (unsigned)atoi(word[4]);
+    signal->name = word[5];
+    if (!message || !field_read(&signal->field, word[0]) || signal->field.bits < 1 ||
+        signal->length > message->length || signal->field.end > message->length ||
+        !(fabs(signal->field.scale) > 0.0)) {
         return false;
     }
-    core->nsignal++;
     message->count++;
     return true;
 }
 
-/* Finds the signal of "ID NAME" at the start of a line; NULL = not found. `rest` is set to the text
- * behind the name. */
-static struct signal *table_find_signal(struct hil_client_core *core, struct bus *bus, char *line,
-                                        char **rest)
+/* Begins a bus: NAME INTERFACE PROTOCOL STEP DONE REFRESH */
+static bool table_read_bus(struct hil_client_core *core, char **word)
 {
-    char name[NAME_SIZE];
-    uint32_t id;
-    int size = 0;
-
-    if (sscanf(line, "%10" SCNu32 " " WORD "%n", &id, name, &size) != 2) {
-        return NULL;
-    }
-    *rest = line + size;
-    return signal_find(core, message_find_id(core, bus, id), name);
-}
-
-/* Returns the first quoted text of a line; NULL = none. `rest` is set to the text behind it. */
-static char *table_take_text(char *line, char **rest)
-{
-    char *begin = strchr(line, '"'), *end = begin ? strchr(begin + 1, '"') : NULL;
-
-    if (!end) {
-        return NULL;
-    }
-    *end = '\0';
-    *rest = end + 1;
-    return begin + 1;
-}
-
-/* Reads the comment of a node (CM_ BU_): NAME "address 1, motors A B", or "address 1, F/T A".
- * Skips other nodes. */
-static bool table_read_board(struct hil_client_core *core, struct bus *bus, char *line)
-{
-    struct board *board = &core->board[core->nboard];
-    char *rest, *text = table_take_text(line, &rest), kind[16] = "";
-    int size = 0;
-
-    *board = (struct board){.bus = bus};
-    if (core->nboard == BOARDS_MAX || !text || sscanf(line, WORD, board->name) != 1) {
-        return false;
-    }
-    if (sscanf(text, "address %*u, %15[a-zA-Z/]%n", kind, &size) != 1) {
-        return true;
-    }
-    core->nboard++;
-    board->has_motors = !strcmp(kind, "motors");
-    text += size;
-    while ((board->has_motors || !strcmp(kind, "F/T")) && (rest = strsep(&text, " "))) {
-        if (*rest && (core->njoint == JOINTS_MAX || core->nsensor == SENSORS_MAX)) {
-            return false;
-        }
-        if (*rest && board->has_motors) {
-            core->joint[core->njoint++] = (struct joint){.name = rest, .board = board};
-        } else if (*rest) {
-            core->sensor[core->nsensor++] = (struct sensor){.name = rest, .board = board};
-        }
-    }
-    return true;
-}
-
-/* Reads the joint or sensor of a signal (CM_ SG_): ID SIGNAL "JOINT OR SENSOR" */
-static bool table_read_subject(struct hil_client_core *core, struct bus *bus, char *line)
-{
-    char *rest, *text;
-    struct signal *signal = table_find_signal(core, bus, line, &rest);
-
-    text = signal ? table_take_text(rest, &rest) : NULL;
-    if (text) {
-        signal->about = text;
-    }
-    return text;
-}
-
-/* Reads the named values of a signal (VAL_): ID SIGNAL NUMBER "NAME" ... ; */
-static bool table_read_names(struct hil_client_core *core, struct bus *bus, char *line)
-{
-    char *at, *end;
-    struct signal *signal = table_find_signal(core, bus, line, &at);
-
-    if (!signal) {
-        return false;
-    }
-    signal->first = core->nname;
-    for (;;) {
-        struct name *name = &core->name[core->nname];
-
-        name->number = strtoll(at, &end, 10);
-        if (end == at) {
-            signal->count = core->nname - signal->first;
-            return true;
-        }
-        name->text = table_take_text(end, &at);
-        if (!name->text) {
-            return false;
-        }
-        core->nname++;
-    }
-}
-
-/* Reads the length of the frame that carries a multiplexed signal: ID SIGNAL LENGTH; */
-static bool table_read_length(struct hil_client_core *core, struct bus *bus, char *line)
-{
-    char *rest;
-    struct signal *signal = table_find_signal(core, bus, line, &rest);
-
-    return signal && sscanf(rest, "%2u", &signal->length) == 1 && signal->length >= signal->end &&
-           signal->length <= signal->message->length;
-}
-
-/* Reads the format of a message: ID FORMAT; 14 and above mean CAN FD. */
-static bool table_read_format(struct hil_client_core *core, struct bus *bus, char *line)
-{
-    unsigned id, format;
-    struct message *message =
-        sscanf(line, "%10u %2u", &id, &format) == 2 ? message_find_id(core, bus, id) : NULL;
-
-    if (message) {
-        message->fd = format >= 14;
-    }
-    return message;
-}
-
-/* Marks a signal as an IEEE float: ID SIGNAL : 1; */
-static bool table_read_float(struct hil_client_core *core, struct bus *bus, char *line)
-{
-    char *rest;
-    struct signal *signal = table_find_signal(core, bus, line, &rest);
-
-    if (signal) {
-        signal->floating = true;
-    }
-    return signal && signal->bits == 32;
-}
-
-/* Replaces the short name of a node by its long name: NAME "LONG NAME"; */
-static bool table_read_long_node(struct hil_client_core *core, struct bus *bus, char *line)
-{
-    char *rest, *text = table_take_text(line, &rest), name[NAME_SIZE];
-
-    if (!text || sscanf(line, WORD, name) != 1) {
-        return false;
-    }
-    for (size_t i = 0; i < core->nboard; i++) {
-        if (core->board[i].bus == bus && !strcmp(core->board[i].name, name)) {
-            snprintf(core->board[i].name, LONG_SIZE, "%s", text);
-        }
-    }
-    for (size_t i = 0; i < bus->count; i++) {
-        if (!strcmp(core->message[bus->first + i].sender, name)) {
-            snprintf(core->message[bus->first + i].sender, LONG_SIZE, "%s", text);
-        }
-    }
-    return true;
-}
-
-/* Reads the long name of a message: ID "LONG NAME"; */
-static bool table_read_long_message(struct hil_client_core *core, struct bus *bus, char *line)
-{
-    char *rest, *text = table_take_text(line, &rest);
-    struct message *message =
-        text ? message_find_id(core, bus, (uint32_t)strtoul(line, NULL, 10)) : NULL;
-
-    if (message) {
-        message->long_name = text;
-    }
-    return message;
-}
-
-/* Reads the long name of a signal: ID SIGNAL "LONG NAME"; */
-static bool table_read_long_signal(struct hil_client_core *core, struct bus *bus, char *line)
-{
-    char *rest;
-    struct signal *signal = table_find_signal(core, bus, line, &rest);
-
-    if (signal) {
-        signal->long_name = table_take_text(rest, &rest);
-    }
-    return signal && signal->long_name;
-}
-
-/* Parsers of DBC lines by the beginning of the line. Other lines are skipped. */
-static const struct {
-    const char *begin;
-    bool (*read)(struct hil_client_core *core, struct bus *bus, char *line);
-} lines[] = {
-    {"BO_ ", table_read_message},
-    {" SG_ ", table_read_signal},
-    {"CM_ BU_ ", table_read_board},
-    {"CM_ SG_ ", table_read_subject},
-    {"VAL_ ", table_read_names},
-    {"BA_ \"FrameLength\" SG_ ", table_read_length},
-    {"BA_ \"VFrameFormat\" BO_ ", table_read_format},
-    {"SIG_VALTYPE_ ", table_read_float},
-    {"BA_ \"SystemNodeLongSymbol\" BU_ ", table_read_long_node},
-    {"BA_ \"SystemMessageLongSymbol\" BO_ ", table_read_long_message},
-    {"BA_ \"SystemSignalLongSymbol\" SG_ ", table_read_long_signal},
-};
-
-/* Parses the messages and signals of a bus from the text of its file. */
-static enum hil_client_code table_read(struct hil_client *client, struct bus *bus)
-{
-    char *text = bus->text;
-    size_t number = 0;
-
-    bus->first = client->core->nmessage;
-    for (char *line; number++, (line = strsep(&text, "\n"));) {
-        for (size_t i = 0; i < sizeof lines / sizeof *lines; i++) {
-            const size_t length = strlen(lines[i].begin);
-
-            if (!strncmp(line, lines[i].begin, length) &&
-                !lines[i].read(client->core, bus, line + length)) {
-                return client_fail(client, HIL_CLIENT_TABLES,
-                                   "%.200s:%zu: expected a line \"%s\" of coman-hil dbc", bus->file,
-                                   number, lines[i].begin);
-            }
-        }
-    }
-    /* All lines are parsed, and no line refers to a short name any more: use the long names */
-    for (size_t i = bus->first; i < client->core->nmessage; i++) {
-        struct message *message = &client->core->message[i];
-
-        if (message->long_name) {
-            snprintf(message->name, LONG_SIZE, "%s", message->long_name);
-        }
-        for (size_t k = message->first; k < message->first + message->count; k++) {
-            struct signal *signal = &client->core->signal[k];
-
-            if (signal->long_name) {
-                snprintf(signal->name, LONG_SIZE, "%s", signal->long_name);
-            }
-        }
-    }
-    return HIL_CLIENT_OK;
-}
-
-/* ---- tables: the files of a rig ---- */
-
-static int tables_is_dbc(const struct dirent *entry)
-{
-    const char *end = strrchr(entry->d_name, '.');
-
-    return end && !strcmp(end, ".dbc");
-}
-
-/* Returns the FNV-1a hash of a DBC file. The file of --ready holds the hash of each bus's file. */
-static uint64_t tables_hash(const char *text, size_t size)
-{
-    uint64_t hash = UINT64_C(0xcbf29ce484222325);
-
-    for (size_t i = 0; i < size; i++) {
-        hash = (hash ^ (unsigned char)text[i]) * UINT64_C(0x100000001b3);
-    }
-    return hash;
-}
-
-/* Reads a file. One allocation, which the bus owns, holds the path and the text behind it. */
-static enum hil_client_code tables_read_file(struct hil_client *client, struct bus *bus,
-                                             const char *folder, const char *name)
-{
-    const size_t length = strlen(folder) + strlen(name) + 2;
-    char *memory = malloc(length + FILE_SIZE + 1);
-    FILE *file;
-    size_t size;
-
-    if (!memory) {
-        return client_fail(client, HIL_CLIENT_SYSTEM, "no memory");
-    }
-    snprintf(memory, length, "%s/%s", folder, name);
-    bus->file = memory;
-    bus->text = memory + length;
-    file = fopen(memory, "re");
-    if (!file) {
-        return client_fail(client, HIL_CLIENT_TABLES, "%.200s: %s", memory, strerror(errno));
-    }
-    size = fread(bus->text, 1, FILE_SIZE, file);
-    fclose(file);
-    bus->text[size] = '\0';
-    bus->hash = tables_hash(bus->text, size);
-    memory = realloc(memory, length + size + 1);
-    bus->file = memory ? memory : bus->file;
-    bus->text = bus->file + length;
-    return size < FILE_SIZE ? HIL_CLIENT_OK
-                            : client_fail(client, HIL_CLIENT_TABLES,
-                                          "%.200s: expected a file of less than 4 MiB", bus->file);
-}
-
-/* Reads the title of a file: CM_ "Rig R, bus B on I: protocol P, supply V V. ..." */
-static enum hil_client_code tables_read_title(struct hil_client *client, struct bus *bus,
-                                              char rig[static 41])
-{
-    const char *title = strstr(bus->text, "\nCM_ \"Rig "), *supply;
-    char protocol[16], line[320];
-
-    snprintf(line, sizeof line, "%.*s", title ? (int)strcspn(title + 1, "\n") : 0,
-             title ? title + 1 : "");
-    if (!title || sscanf(line, "CM_ \"Rig %40[^ ,], bus %40[^ ,] on %15[^ :]: protocol %15[a-z0-9]",
-                         rig, bus->name, bus->interface, protocol) != 4) {
-        return client_fail(client, HIL_CLIENT_TABLES,
-                           "%.200s: found no CM_ \"Rig ..., expected a file of coman-hil dbc",
-                           bus->file);
-    }
-    supply = strstr(line, ", supply ");
-    if (!supply || sscanf(supply, ", supply %lf V", &bus->supply_v) != 1) {
-        bus->supply_v = 0.0;
-    }
-    bus->protocol = ICUB;
-    while (bus->protocol != OTHER && strcmp(protocols[bus->protocol].name, protocol) != 0) {
-        bus->protocol++;
-    }
-    return HIL_CLIENT_OK;
-}
-
-/* Adds the bus of a file. Skips files of rigs other than `wanted`; NULL = any rig. */
-static enum hil_client_code tables_add_file(struct hil_client *client, const char *folder,
-                                            const char *name, const char *wanted)
-{
-    struct hil_client_core *core = client->core;
     struct bus *bus = &core->bus[core->nbus];
-    enum hil_client_code code;
-    char rig[41];
 
     if (core->nbus == BUSES_MAX) {
-        return client_fail(client, HIL_CLIENT_TABLES, "%.200s: found more than 64 buses", folder);
+        return false;
     }
+    snprintf(bus->name, sizeof bus->name, "%s", word[0]);
+    snprintf(bus->interface, sizeof bus->interface, "%s", word[1]);
+    bus->step_id = (uint32_t)strtoul(word[3], NULL, 16);
+    bus->done_id = (uint32_t)strtoul(word[4], NULL, 16);
+    bus->every_tick = *word[5] == '1';
+    bus->frame = core->nframe;
+    bus->report = core->nreport;
     bus->socket = -1;
-    code = tables_read_file(client, bus, folder, name);
-    code = code ? code : tables_read_title(client, bus, rig);
-    if (code || (wanted && strcmp(rig, wanted) != 0)) {
-        free(bus->file);
-        return code;
-    }
-    if (core->nbus > 0 && strcmp(core->rig, rig) != 0) {
-        free(bus->file);
-        return client_fail(client, HIL_CLIENT_TABLES,
-                           "%.150s: found files of the rigs %s and %s: say which in options.rig",
-                           folder, core->rig, rig);
-    }
-    memcpy(core->rig, rig, sizeof rig);
+    core->step = bus->step_id != UINT32_MAX ? bus : core->step;
+    core->reading = bus;
     core->nbus++;
-    return HIL_CLIENT_OK;
+    return true;
 }
 
-/* Counts the occurrences of `what` in a text. */
-static size_t tables_count(const char *text, const char *what)
+/* Reads a row of the client table. Rows of unknown kinds are skipped. */
+static bool table_read_line(struct hil_client_core *core, char *line)
 {
-    size_t count = 0;
+    static const struct {
+        const char *name;
+        int words; /* the last word is the rest of the row */
+    } forms[] = {{"rig", 2},     {"joint", 3},  {"sensor", 3}, {"bus", 7},
+                 {"name", 3},    {"frame", 8},  {"setup", 3},  {"cycle", 3},
+                 {"switch", 7},  {"set", 10},   {"ask", 4},    {"messages", 2},
+                 {"message", 5}, {"signal", 7}, {"report", 7}, {"value", 7}};
+    struct bus *bus = core->reading;
+    char *word[WORDS_MAX] = {line};
+    size_t form = 0;
 
-    for (; (text = strstr(text, what)); text++) {
+    for (size_t length = strcspn(line, " ");
+         form < sizeof forms / sizeof *forms &&
+         (strlen(forms[form].name) != length || strncmp(forms[form].name, line, length) != 0);) {
+        form++;
+    }
+    if (form == sizeof forms / sizeof *forms) {
+        return true;
+    }
+    for (int i = 1; i < forms[form].words; i++) {
+        word[i] = strchr(word[i - 1], ' ');
+        if (!word[i]) {
+            return false;
+        }
+        *word[i]++ = '\0';
+    }
+    if (!strcmp(line, "rig")) {
+        core->rig = word[1];
+    } else if (!strcmp(line, "joint") && core->njoint < JOINTS_MAX) {
+        core->joint[core->njoint++].name = word[1];
+    } else if (!strcmp(line, "sensor") && core->nsensor < SENSORS_MAX) {
+        core->sensor[core->nsensor++] = word[1];
+    } else if (!strcmp(line, "bus")) {
+        return table_read_bus(core, word + 1);
+    } else if (!strcmp(line, "messages")) {
+        core->reading = bus_find(core, word[1]);
+        if (core->reading) {
+            core->reading->first = core->nmessage;
+        }
+        return core->reading;
+    } else if (!bus) {
+        return false;
+    } else if (!strcmp(line, "message")) {
+        return table_read_message(core, bus, word + 1);
+    } else if (!strcmp(line, "signal")) {
+        return table_read_signal(core, bus, word + 1);
+    } else if (!strcmp(line, "name")) {
+        core->name[core->nname++] = (struct name){bus, strtoll(word[1], NULL, 10), word[2]};
+    } else if (!strcmp(line, "frame")) {
+        return table_read_frame(core, bus, word + 1);
+    } else if (!strcmp(line, "report")) {
+        return table_read_report(core, bus, word + 1);
+    } else {
+        return table_read_row(core, bus, word);
+    }
+    return true;
+}
+
+/* Counts the rows that begin with a word. */
+static size_t table_count(const char *text, const char *word)
+{
+    size_t count = 1;
+
+    for (; (text = strstr(text, word)); text++) {
         count++;
     }
     return count;
 }
 
-/* Allocates the messages, signals and names, and parses all files. Each array has a spare entry,
- * because a parser writes to an entry before it checks the line. */
-static enum hil_client_code tables_read_all(struct hil_client *client)
+/* Parses the client table in core->table. `from`: its file or gateway, for errors. */
+static enum hil_client_code table_read_text(struct hil_client *client, const char *from)
 {
     struct hil_client_core *core = client->core;
-    size_t messages = 1, signals = 1, names = 1;
-    enum hil_client_code code = HIL_CLIENT_OK;
-
-    for (size_t i = 0; i < core->nbus; i++) {
-        messages += tables_count(core->bus[i].text, "BO_ ");
-        signals += tables_count(core->bus[i].text, " SG_ ");
-        names += tables_count(core->bus[i].text, "\"");
-    }
-    core->message = calloc(messages, sizeof *core->message);
-    core->signal = calloc(signals, sizeof *core->signal);
-    core->name = calloc(names, sizeof *core->name);
-    if (!core->message || !core->signal || !core->name) {
-        return client_fail(client, HIL_CLIENT_SYSTEM, "no memory");
-    }
-    for (size_t i = 0; i < core->nbus && !code; i++) {
-        code = table_read(client, &core->bus[i]);
-    }
-    return code;
-}
-
-/* Reads the DBC files of a rig from a folder, sorted by name. */
-static enum hil_client_code tables_open(struct hil_client *client, const char *folder,
-                                        const char *rig)
-{
     /* Parse numbers with a decimal point in any locale of the program */
     locale_t c = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0), before;
+    const size_t rows = table_count(core->table, "\n");
     enum hil_client_code code = HIL_CLIENT_OK;
-    struct dirent **entry = NULL;
-    int count = folder ? scandir(folder, &entry, tables_is_dbc, alphasort) : 0;
+    char *text = core->table;
+    size_t number = 1;
 
-    if (!c || count < 0) {
-        code = client_fail_system(client, folder);
-        return c ? (freelocale(c), code) : code;
+    core->rig = "";
+    core->frame = calloc(table_count(text, "\nframe "), sizeof *core->frame);
+    core->report = calloc(table_count(text, "\nreport "), sizeof *core->report);
+    core->name = calloc(table_count(text, "\nname "), sizeof *core->name);
+    core->message = calloc(table_count(text, "\nmessage "), sizeof *core->message);
+    core->signal = calloc(table_count(text, "\nsignal "), sizeof *core->signal);
+    core->row = calloc(rows, sizeof *core->row);
+    if (!c || !core->message || !core->signal || !core->frame || !core->report || !core->name ||
+        !core->row) {
+        return client_fail(client, HIL_CLIENT_SYSTEM, "no memory");
     }
     before = uselocale(c);
-    for (int i = 0; i < count; i++) {
-        code = code ? code : tables_add_file(client, folder, entry[i]->d_name, rig);
-        free(entry[i]);
+    for (char *line; (line = strsep(&text, "\n")) && !code; number++) {
+        if (!table_read_line(core, line)) {
+            code = client_fail(client, HIL_CLIENT_TABLES,
+                               "%.200s:%zu: expected a row of a client table, as coman-hil dbc "
+                               "writes it",
+                               from, number);
+        }
     }
-    free(entry);
-    if (!code && client->core->nbus == 0) {
-        code =
-            client_fail(client, HIL_CLIENT_TABLES,
-                        "%.150s: found no file of %.40s: coman-hil dbc RIG -o FOLDER writes them",
-                        folder ? folder : "options.tables", rig ? rig : "a rig");
-    }
-    code = code ? code : tables_read_all(client);
     uselocale(before);
     freelocale(c);
-    return code;
+    return code || core->nbus ? code
+                              : client_fail(client, HIL_CLIENT_TABLES,
+                                            "%.200s: found no bus, expected a client table", from);
+}
+
+/* Reads the client table from a file. */
+static enum hil_client_code table_read_file(struct hil_client *client, const char *path)
+{
+    char *text = malloc(FILE_SIZE + 1);
+    FILE *file = path && text ? fopen(path, "re") : NULL;
+    size_t size;
+
+    client->core->table = text;
+    if (!text) {
+        return client_fail(client, HIL_CLIENT_SYSTEM, "no memory");
+    }
+    if (!file) {
+        return client_fail(client, HIL_CLIENT_TABLES, "%.200s: %s", path ? path : "options.table",
+                           path ? strerror(errno)
+                                : "expected the file RIG.joints of coman-hil dbc RIG -o FOLDER");
+    }
+    size = fread(text, 1, FILE_SIZE, file);
+    fclose(file);
+    text[size] = '\0';
+    return table_read_text(client, path);
 }
 
 /* ---- sending and receiving frames ---- */
@@ -881,7 +755,7 @@ static void bus_take_done(struct hil_client *client, struct bus *bus, const uint
     const unsigned flags = data[4] | (unsigned)data[5] << 8;
 
     if (flags & MISMATCH ? tick != core->begin : flags & STOPPING || tick == core->expected) {
-        core->told = tick;
+        core->at = tick;
         core->refused = flags & MISMATCH;
         core->stopping = flags & STOPPING;
         client->flags = (uint16_t)flags;
@@ -889,19 +763,32 @@ static void bus_take_done(struct hil_client *client, struct bus *bus, const uint
     }
 }
 
-/* Stores a received frame as the last frame of its message, or handles a DONE. */
+/* Stores a received frame in the messages and reports that it is, or handles a DONE. */
 static void bus_take_frame(struct hil_client *client, struct bus *bus, uint32_t id,
                            const uint8_t *data, size_t length, int64_t time_ns)
 {
-    struct message *message = message_find_id(client->core, bus, id);
+    struct hil_client_core *core = client->core;
+    struct message *message = message_find_id(core, bus, id);
 
-    client->core->frames++;
-    if (message && !strcmp(message->name, "DONE") && length == 6) {
+    core->frames++;
+    if (id == bus->done_id && length == 6) {
         bus_take_done(client, bus, data);
-    } else if (message) {
-        memcpy(message->data, data, length);
-        message->heard = (unsigned)length;
-        message->time_ns = time_ns;
+        return;
+    }
+    for (size_t i = 0; i <= bus->nreport; i++) {
+        struct message *taker = i < bus->nreport ? &core->report[bus->report + i] : message;
+        bool is = taker && (taker == message ||
+                            ((id & taker->id_mask) == taker->id && length >= taker->length));
+
+        for (size_t k = 0; is && k < 64; k++) {
+            is = ((k < length ? data[k] : 0) & taker->mask[k]) == taker->value[k];
+        }
+        if (is) {
+            memcpy(taker->data, data, length);
+            memcpy(taker->data + ID_BYTE, &id, sizeof id);
+            taker->heard = (unsigned)length;
+            taker->time_ns = time_ns;
+        }
     }
 }
 
@@ -939,6 +826,20 @@ static void stream_take_frame(struct hil_client *client, char *text)
     }
 }
 
+/* Keeps a row that the gateway tells, and adds it to the client table while that is read. */
+static void stream_take_row(struct hil_client_core *core, const char *row)
+{
+    const size_t length = strlen(row);
+    char *table;
+
+    snprintf(core->told, sizeof core->told, "%s", row);
+    table = core->row ? NULL : realloc(core->table, core->ntable + length + 2);
+    if (table) {
+        core->table = table;
+        core->ntable += (size_t)sprintf(table + core->ntable, "%s\n", row);
+    }
+}
+
 /* Handles the complete messages in the receive buffer. Keeps an incomplete message for later. */
 static enum hil_client_code stream_take(struct hil_client *client)
 {
@@ -958,6 +859,10 @@ static enum hil_client_code stream_take(struct hil_client *client)
                                is_bus ? core->rig : "");
         }
         core->heard += !strcmp(begin, "< hi ") || !strcmp(begin, "< ok ");
+        if (!strncmp(begin, "< row ", 6)) {
+            end[-1] = '\0';
+            stream_take_row(core, begin + 6);
+        }
         stream_take_frame(client, begin + 1);
     }
     core->nin = begin ? core->nin - (size_t)(begin - core->in) : 0;
@@ -1055,13 +960,15 @@ static enum hil_client_code client_send_frame(struct hil_client *client,
                                               size_t length)
 {
     struct hil_client_core *core = client->core;
-    struct canfd_frame frame = {
-        .can_id = message->id, .len = (uint8_t)length, .flags = message->fd ? CANFD_BRS : 0};
+    struct canfd_frame frame = {.len = (uint8_t)length, .flags = message->fd ? CANFD_BRS : 0};
     const size_t room = 512; /* more than the longest command, a frame of 64 bytes */
     enum hil_client_code code;
+    uint32_t id;
     char *out;
 
+    memcpy(&id, data + ID_BYTE, sizeof id);
     if (core->gateway < 0) {
+        frame.can_id = id | (message->remote ? CAN_RTR_FLAG : 0);
         memcpy(frame.data, data, length);
         return interface_send(client, message->bus, &frame, message->fd ? CANFD_MTU : CAN_MTU);
     }
@@ -1070,9 +977,11 @@ static enum hil_client_code client_send_frame(struct hil_client *client,
         return code;
     }
     out = core->out + core->nout;
-    out += sprintf(out, "< %s %0*" PRIX32 "%s %zu", message->fd ? "fdsend" : "send",
-                   message->id & CAN_EFF_FLAG ? 8 : 3, message->id & CAN_EFF_MASK,
-                   message->fd ? " 1" : "", length);
+    out += sprintf(out, "< %s %0*" PRIX32 "%s %zu",
+                   message->fd       ? "fdsend"
+                   : message->remote ? "sendrtr"
+                                     : "send",
+                   id & CAN_EFF_FLAG ? 8 : 3, id & CAN_EFF_MASK, message->fd ? " 1" : "", length);
     for (size_t i = 0; i < length; i++) {
         out += sprintf(out, " %02x", data[i]);
     }
@@ -1112,10 +1021,9 @@ static enum hil_client_code client_wait(struct hil_client *client)
 
 /* ---- connections ---- */
 
-/* Contents of the file of --ready: address of the gateway, clock of the run, and hashes of the
- * run's tables ("BUS=HASH BUS=HASH ..."); "" = unknown. */
+/* Contents of the file of --ready: address of the gateway, clock of the run; "" = unknown. */
 struct place {
-    char host[64], clock[16], tables[READY_SIZE];
+    char host[64], clock[16];
     uint16_t port;
 };
 
@@ -1136,8 +1044,7 @@ static enum hil_client_code client_read_ready(struct hil_client *client, const c
     }
     while (fgets(line, sizeof line, file)) {
         if (sscanf(line, "gateway_host='%63[^']", place->host) != 1 &&
-            sscanf(line, "clock='%15[^']", place->clock) != 1 &&
-            sscanf(line, "tables='%4095[^']", place->tables) != 1) {
+            sscanf(line, "clock='%15[^']", place->clock) != 1) {
             sscanf(line, "gateway_port='%5" SCNu16, &place->port);
         }
     }
@@ -1189,21 +1096,42 @@ static enum hil_client_code stream_connect(struct hil_client *client, const char
     return HIL_CLIENT_OK;
 }
 
-/* Opens all buses of the gateway. Waits for the answer to each command. */
-static enum hil_client_code stream_open(struct hil_client *client)
+/* Sends a command to the gateway and waits for its "ok". */
+static enum hil_client_code stream_ask(struct hil_client *client, const char *command)
 {
-    static const char *const commands[] = {"", "< open all >", "< rawmode >"};
     struct hil_client_core *core = client->core;
-    enum hil_client_code code = HIL_CLIENT_OK;
+    const unsigned heard = core->heard;
+    enum hil_client_code code = stream_flush(client);
 
-    for (unsigned i = 0; i < 3 && !code; i++) {
-        core->nout = (size_t)sprintf(core->out, "%s", commands[i]);
-        code = stream_flush(client);
-        while (!code && core->heard <= i) {
-            code = client_wait(client);
-        }
+    core->nout = (size_t)sprintf(core->out, "%s", command);
+    code = code ? code : stream_flush(client);
+    while (!code && core->heard == heard) {
+        code = client_wait(client);
     }
     return code;
+}
+
+/* Opens all buses of the gateway and reads the client table of its run. */
+static enum hil_client_code stream_open(struct hil_client *client)
+{
+    struct hil_client_core *core = client->core;
+    enum hil_client_code code = stream_ask(client, "");
+    size_t before = 0;
+
+    code = code ? code : stream_ask(client, "< open all >");
+    /* The run tells the table in parts; an empty part is the end */
+    for (unsigned part = 0; !code && (part == 0 || core->ntable > before); part++) {
+        char command[32];
+
+        before = core->ntable;
+        snprintf(command, sizeof command, "< tell %u >", part);
+        code = stream_ask(client, command);
+    }
+    code = code || core->table
+               ? code
+               : client_fail(client, HIL_CLIENT_TABLES, "the gateway tells no client table");
+    code = code ? code : table_read_text(client, "gateway");
+    return code ? code : stream_ask(client, "< rawmode >");
 }
 
 /* Opens the SocketCAN interface of a bus. A "BUS=INTERFACE" option replaces the rig's interface. */
@@ -1229,29 +1157,15 @@ static enum hil_client_code interface_open(struct hil_client *client, struct bus
     return HIL_CLIENT_OK;
 }
 
-/* Compares the DBC files and the clock option with those of the run. Skips a comparison if the file
- * of --ready lacks the value. */
+/* Compares the clock option with that of the run, if the file of --ready has it. */
 static enum hil_client_code client_check_place(struct hil_client *client, const struct place *place,
                                                const struct hil_client_options *options)
 {
-    const struct hil_client_core *core = client->core;
-
-    for (size_t i = 0; place->tables[0] && i < core->nbus; i++) {
-        char wanted[64];
-
-        snprintf(wanted, sizeof wanted, "%s=%016" PRIx64, core->bus[i].name, core->bus[i].hash);
-        if (!strstr(place->tables, wanted)) {
-            return client_fail(client, HIL_CLIENT_TABLES,
-                               "%.120s is older than the rig of the run, or of another rig: "
-                               "coman-hil dbc RIG -o %.80s writes it anew",
-                               core->bus[i].file, options->tables);
-        }
-    }
-    if (place->clock[0] && core->lockstep != !strcmp(place->clock, "lockstep")) {
+    if (place->clock[0] && client->core->lockstep != !strcmp(place->clock, "lockstep")) {
         return client_fail(client, HIL_CLIENT_INPUT,
                            "%.200s: the clock of the run is %s, the client's options.lockstep is "
                            "%s",
-                           options->ready, place->clock, core->lockstep ? "true" : "false");
+                           options->ready, place->clock, client->core->lockstep ? "true" : "false");
     }
     return HIL_CLIENT_OK;
 }
@@ -1301,32 +1215,76 @@ static enum hil_client_code client_connect(struct hil_client *client,
         code = stream_connect(client, host, options->port);
         return code ? code : stream_open(client);
     }
+    code = table_read_file(client, options->table);
     for (size_t i = 0; i < client->core->nbus && !code; i++) {
         code = interface_open(client, &client->core->bus[i], options->interfaces);
     }
     return code;
 }
 
-/* ---- messages of commands ---- */
+/* ---- frames of the host ---- */
 
-/* Sends a message with the given values. length: bytes of the frame; 0 = length from the tables. */
+/* Returns the exclusive or (1), or CRC-8 SAE J1850 (2), of all bytes but one. */
+static uint8_t frame_checksum(const struct message *frame, const uint8_t *data, size_t length)
+{
+    const bool crc = frame->checksum == 2;
+    uint8_t total = crc ? 0xff : 0;
+
+    for (size_t i = 0; i < length; i++) {
+        total ^= (int)i == frame->checksum_byte ? 0 : data[i];
+        for (int bit = 0; crc && (int)i != frame->checksum_byte && bit < 8; bit++) {
+            total = (uint8_t)(total << 1 ^ (total & 0x80 ? 0x1d : 0));
+        }
+    }
+    return crc ? total ^ 0xff : total;
+}
+
+/* Fills in counter and checksum, except bits that are given; NULL = none. */
+static void frame_close(const struct message *frame, uint8_t *data, size_t length,
+                        const uint8_t *given)
+{
+    uint8_t place[IMAGE_SIZE] = {0};
+    bool counts = frame->counter >= 0;
+
+    field_put(&frame->count_field, place, UINT64_MAX);
+    for (size_t i = 0; given && i < IMAGE_SIZE; i++) {
+        counts = counts && !(place[i] & given[i]);
+    }
+    if (counts) {
+        field_put(&frame->count_field, data, (*frame->sent)++);
+    }
+    if (frame->checksum && !(given && given[frame->checksum_byte])) {
+        data[frame->checksum_byte] = frame_checksum(frame, data, length);
+    }
+}
+
+/* Sends a frame of the client table. */
+static enum hil_client_code client_send_row_frame(struct hil_client *client, struct message *frame)
+{
+    frame_close(frame, frame->data, frame->length, NULL);
+    return client_send_frame(client, frame, frame->data, frame->length);
+}
+
+/* Sends a message with the given values. Fills in the constants, the counter and the checksum of
+ * its frame in the client table. */
 static enum hil_client_code client_send_values(struct hil_client *client,
-                                               const struct message *message, size_t length,
+                                               const struct message *message,
                                                const struct hil_client_value *values, size_t count)
 {
+    struct hil_client_core *core = client->core;
     unsigned longest = 0;
     bool is_command = false;
-    uint8_t data[64] = {0};
+    uint8_t data[IMAGE_SIZE] = {0}, given[IMAGE_SIZE] = {0};
 
     for (size_t i = 0; i < count; i++) {
-        const struct signal *signal = signal_find(client->core, message, values[i].signal);
+        const struct signal *signal = signal_find(core, message, values[i].signal);
 
         if (!signal) {
             return client_fail(client, HIL_CLIENT_INPUT, "%s has no signal %.60s", message->name,
                                values[i].signal);
         }
-        signal_put(signal, data,
-                   signal_encode(signal, values[i].value, signal->scale, signal->offset));
+        field_put(&signal->field, data, field_encode(&signal->field, values[i].value));
+        field_put(&signal->field, given, UINT64_MAX);
         if (signal->selector >= 0) {
             const unsigned own = signal->length ? signal->length : message->length;
 
@@ -1336,294 +1294,84 @@ static enum hil_client_code client_send_values(struct hil_client *client,
         is_command = is_command || signal->selector == SELECTOR;
     }
     longest = longest ? longest : is_command ? 1 : message->length;
-    return client_send_frame(client, message, data, length ? length : longest);
-}
+    for (size_t i = 0; i < message->bus->nframe; i++) {
+        const struct message *frame = &core->frame[message->bus->frame + i];
 
-/* Sends a command to a board. A signal's name is COMMAND_signal, such as SET_MOTOR_CONFIG_poles. */
-static enum hil_client_code board_command(struct hil_client *client, const struct board *board,
-                                          size_t length, const struct hil_client_value *values,
-                                          size_t count)
-{
-    const struct message *message = message_find(client->core, board->bus, board->name, "_COMMAND");
-
-    return message ? client_send_values(client, message, length, values, count)
-                   : client_fail(client, HIL_CLIENT_TABLES, "%s: found no %s_COMMAND",
-                                 board->bus->file, board->name);
-}
-
-/* ---- joints and their boards ---- */
-
-static bool text_begins(const char *text, const char *begin)
-{
-    return !strncmp(text, begin, strlen(begin));
-}
-
-/* Uses a reported signal as the source of its quantity if it is earlier in the list of sources than
- * the present source. best: place of the present source in the list. */
-static void joint_take_source(struct joint *joint, const struct signal *signal,
-                              const char *best[SOURCES])
-{
-    const struct message *message = signal->message;
-    const size_t sender = strlen(message->sender);
-    const char *kind = message->name;
-    char key[2 * LONG_SIZE + 4];
-    size_t length;
-
-    /* Remove the sender's name and a final number from the name of the message */
-    kind += text_begins(kind, message->sender) && kind[sender] == '_' ? sender + 1 : 0;
-    length = strlen(kind);
-    while (length > 0 && isdigit((unsigned char)kind[length - 1])) {
-        length--;
-    }
-    length = kind[length] && length > 0 && kind[length - 1] == '_' ? length - 1 : strlen(kind);
-    snprintf(key, sizeof key, " %.*s:%s ", (int)length, kind, signal_quantity(signal));
-    for (int i = 0; i < SOURCES; i++) {
-        const char *found = strstr(sources[i], key);
-
-        if (found && (!best[i] || found < best[i])) {
-            best[i] = found;
-            joint->source[i] = signal;
+        if (frame->id == message->id && frame->length == longest &&
+            (frame->checksum || frame->counter >= 0)) {
+            for (size_t k = 0; k < longest; k++) {
+                data[k] |= (uint8_t)(frame->data[k] & ~given[k]);
+            }
+            frame_close(frame, data, longest, given);
+            break;
         }
     }
+    memcpy(data + ID_BYTE, &message->id, sizeof message->id);
+    return client_send_frame(client, message, data, longest);
 }
 
-/* Stores a command signal of a joint: mode or set-point. A current set-point counts 1 mA,
- * independent of the DBC's scale. */
-static void joint_take_command(struct joint *joint, const struct signal *signal)
+/* Sends the frames of a kind of rows: of a stage, and of the chosen joints; NULL = of all. */
+static enum hil_client_code client_send_rows(struct hil_client *client, int kind, int stage,
+                                             const bool *chosen, enum hil_client_quantity quantity)
 {
-    const enum protocol protocol = joint->board->bus->protocol;
-    const char *quantity = signal_quantity(signal);
+    struct hil_client_core *core = client->core;
+    enum hil_client_code code = HIL_CLIENT_OK;
 
-    if (text_begins(quantity, "SET_CONTROL_MODE_mode")) {
-        joint->mode = signal;
-    }
-    for (int i = HIL_CLIENT_VOLTAGE; i < HIL_CLIENT_QUANTITIES; i++) {
-        const char *begin = protocols[protocol].signal[i];
+    for (size_t i = 0; i < core->nrow && !code; i++) {
+        const struct row *row = &core->row[i];
 
-        if (begin && text_begins(quantity, begin)) {
-            joint->set_point[i] = (struct set_point){
-                .signal = signal,
-                .scale = i == HIL_CLIENT_CURRENT ? 1e-3 : signal->scale,
-                .offset = i == HIL_CLIENT_CURRENT ? 0.0 : signal->offset,
-                .percent = i == HIL_CLIENT_VOLTAGE && strcmp(signal->unit, "V") != 0,
-            };
+        if ((int)row->kind == kind && row->stage == stage && row->quantity == quantity &&
+            (!chosen || chosen[row->owner])) {
+            field_put(&row->field, row->frame->data, (uint64_t)row->count);
+            code = client_send_row_frame(client, row->frame);
         }
     }
+    return code;
 }
 
-/* Finds the reported signals and the command signals of a joint. */
-static void joint_resolve(const struct hil_client_core *core, struct joint *joint)
+/* Returns the number of stages of a kind of rows. */
+static int client_count_stages(const struct hil_client_core *core, int kind)
 {
-    const struct bus *bus = joint->board->bus;
-    const struct message *status = message_find(core, bus, joint->board->name, "_STATUS");
-    const char *best[SOURCES] = {NULL};
+    int stages = 0;
 
-    for (size_t i = 0; i < core->nsignal; i++) {
-        const struct signal *signal = &core->signal[i];
-
-        if (strcmp(signal->about, joint->name) != 0) {
-            continue;
-        }
-        if (strcmp(signal->message->sender, "host") != 0 && signal->selector == PLAIN) {
-            joint_take_source(joint, signal, best);
-        } else if (!strcmp(signal->message->sender, "host") && signal->message->bus == bus) {
-            joint_take_command(joint, signal);
+    for (size_t i = 0; i < core->nrow; i++) {
+        if ((int)core->row[i].kind == kind && core->row[i].stage >= stages) {
+            stages = core->row[i].stage + 1;
         }
     }
-
-    /* foc: a voltage target uses the scale of the signal "pwm" in STATUS */
-    for (size_t i = 0; bus->protocol == FOC && status && i < status->count; i++) {
-        const struct signal *signal = &core->signal[status->first + i];
-
-        if (!strcmp(signal_quantity(signal), "pwm")) {
-            joint->set_point[HIL_CLIENT_VOLTAGE].scale = signal->scale;
-        }
-    }
+    return stages;
 }
 
-/* Finds the signals of the six channels of a force-torque sensor. */
-static void sensor_resolve(const struct hil_client_core *core, struct sensor *sensor)
-{
-    static const char *const names[] = {"fx", "fy", "fz", "mx", "my", "mz"};
-    const struct bus *bus = sensor->board->bus;
-
-    for (size_t i = 0; i < bus->count; i++) {
-        const struct message *message = &core->message[bus->first + i];
-
-        for (int k = 0; k < 6 && !strcmp(message->sender, sensor->board->name); k++) {
-            const struct signal *signal = signal_find(core, message, names[k]);
-
-            sensor->source[k] = signal && signal->selector == PLAIN ? signal : sensor->source[k];
-        }
-    }
-}
-
-/* Converts a joint's set-point to the bits of its signal. Limits a voltage to the supply. */
-static uint64_t joint_set_point_bits(const struct joint *joint)
-{
-    const struct set_point *point = &joint->set_point[joint->quantity];
-    const double supply_v = joint->board->bus->supply_v;
-    double value = joint->value;
-
-    if (joint->quantity == HIL_CLIENT_VOLTAGE && supply_v > 0.0) {
-        value = fmax(-supply_v, fmin(supply_v, value));
-        value = point->percent ? 100.0 * value / supply_v : value;
-    }
-    return signal_encode(point->signal, value, point->scale, point->offset);
-}
-
-/* Sends the set-points. icub: one frame per motor. Other protocols: frames shared by motors. */
+/* Sends the set points of the joints that are on, and the cyclic frames. */
 static enum hil_client_code client_send_set_points(struct hil_client *client)
 {
     struct hil_client_core *core = client->core;
     enum hil_client_code code = HIL_CLIENT_OK;
 
-    /* Send the commands of single motors, and fill the shared frames */
-    for (size_t i = 0; i < core->njoint && !code; i++) {
-        const struct joint *joint = &core->joint[i];
-        const struct signal *signal =
-            joint->set_point[joint->quantity ? joint->quantity : HIL_CLIENT_VOLTAGE].signal;
-        const uint64_t bits = joint->quantity ? joint_set_point_bits(joint) : 0;
-        uint8_t data[64] = {0};
+    /* A joint that is off has the set point 0 in frames that it shares */
+    for (int on = 0; on < 2; on++) {
+        for (size_t i = 0; i < core->nrow; i++) {
+            const struct row *row = &core->row[i];
 
-        if (signal && signal->selector < 0) {
-            signal_put(signal, signal->message->out, bits);
-            signal->message->pending = signal->message->pending || joint->quantity;
-        } else if (signal && joint->quantity) {
-            data[0] = (uint8_t)signal->selector;
-            signal_put(signal, data, bits);
-            code = client_send_frame(client, signal->message, data,
-                                     signal->length ? signal->length : signal->message->length);
+            if (row->kind == SET && (!on || row->quantity == core->joint[row->owner].quantity)) {
+                const double value = on ? core->joint[row->owner].value : 0.0;
+
+                field_put(&row->field, row->frame->data,
+                          field_encode(&row->field, fmax(row->low, fmin(row->high, value))));
+                row->frame->pending = on;
+            }
         }
     }
-    /* Send the shared frames that contain a set-point */
-    for (size_t i = 0; i < core->nmessage && !code; i++) {
-        struct message *message = &core->message[i];
-
-        if (message->pending) {
-            message->pending = false;
-            code = client_send_frame(client, message, message->out, message->length);
+    for (size_t i = 0; i < core->nframe && !code; i++) {
+        if (core->frame[i].pending) {
+            code = client_send_row_frame(client, &core->frame[i]);
         }
     }
-    return code;
-}
+    for (size_t i = 0; i < core->nrow && core->listening && !code; i++) {
+        const struct row *row = &core->row[i];
 
-/* Returns the number of a signal's named value; 0 = unknown name. */
-static double client_number(const struct hil_client_core *core, const struct signal *signal,
-                            const char *text)
-{
-    const struct name *name = signal_find_name(core, signal, text, 0);
-
-    return name ? (double)name->number : 0.0;
-}
-
-/* Switches the chosen joints of a bus to the mode of a quantity. */
-static enum hil_client_code bus_switch(struct hil_client *client, struct bus *bus,
-                                       const bool *chosen, enum hil_client_quantity quantity)
-{
-    struct hil_client_core *core = client->core;
-    const char *word = protocols[bus->protocol].mode[quantity];
-    const struct message *all = message_find(core, bus, "ALL_MODE", "");
-    enum hil_client_code code = HIL_CLIENT_OK;
-    uint32_t slots = 0;
-
-    for (size_t i = 0; i < core->njoint && !code; i++) {
-        const struct joint *joint = &core->joint[i];
-        const struct signal *point = joint->set_point[HIL_CLIENT_VOLTAGE].signal;
-
-        if (joint->board->bus != bus || !chosen[i]) {
-            continue;
-        }
-        /* Send the mode of one motor; for compact boards, collect the slots */
-        if (joint->mode) {
-            const struct hil_client_value value = {joint->mode->name,
-                                                   client_number(core, joint->mode, word)};
-
-            code = client_send_values(client, joint->mode->message, 0, &value, 1);
-        } else if (point && !strncmp(point->message->name, "ALL_COMMAND_", 12)) {
-            const int group = atoi(point->message->name + 12);
-
-            slots |= 1u << (((unsigned)group * 4 + point->start / 16) & 31);
-        }
-    }
-    /* One frame switches all compact boards */
-    if (slots && all && !code) {
-        const struct hil_client_value values[] = {
-            {"mode", client_number(core, signal_find(core, all, "mode"), word)}, {"slots", slots}};
-
-        code = client_send_values(client, all, 0, values, 2);
-    }
-    return code;
-}
-
-/* Sends the configuration command of a stage (0 to 3) to a motor board or sensor board. */
-static enum hil_client_code board_configure(struct hil_client *client, const struct board *board,
-                                            int stage)
-{
-    struct hil_client_core *core = client->core;
-    const struct hil_client_foc_motor *m = &core->motor;
-    const struct hil_client_value sensor = {"SET_TRANSMIT_MODE_mode", 0.0};
-    const struct hil_client_value version[] = {{"GET_FIRMWARE_VERSION_major", 1.0},
-                                               {"GET_FIRMWARE_VERSION_minor", 6.0}};
-    const struct hil_client_value motor[] = {
-        {"SET_MOTOR_CONFIG_flags", 1.0}, /* has an encoder */
-        {"SET_MOTOR_CONFIG_resolution", m->encoder_ticks_per_rev},
-        {"SET_MOTOR_CONFIG_poles", m->poles}};
-    const struct hil_client_value limit[] = {{"SET_CURRENT_LIMIT_nominal", 1e3 * m->nominal_a},
-                                             {"SET_CURRENT_LIMIT_peak", 1e3 * m->peak_a},
-                                             {"SET_CURRENT_LIMIT_overload", 1e3 * m->overload_a}};
-    const struct hil_client_value pid[] = {{"SET_CURRENT_PID_kp", m->current_kp},
-                                           {"SET_CURRENT_PID_ki", m->current_ki},
-                                           {"SET_CURRENT_PID_shift", m->current_shift}};
-    const char *const reports[] = {"_POSITION", "_STATUS", "_CURRENT", "_MOTOR_POSITION"};
-    struct hil_client_value policy = {"SET_BROADCAST_POLICY_mask_0", 0.0};
-
-    /* A force-torque sensor needs one command. A foc board needs one per stage */
-    if (message_find(core, board->bus, board->name, "_FORCE")) {
-        return stage ? HIL_CLIENT_OK : board_command(client, board, 0, &sensor, 1);
-    }
-    if (board->bus->protocol == FOC && board->has_motors) {
-        return stage == 0   ? board_command(client, board, 0, version, 2)
-               : stage == 1 ? board_command(client, board, 7, motor, 3)
-               : stage == 2 ? board_command(client, board, 0, limit, 3)
-                            : board_command(client, board, 0, pid, 3);
-    }
-    if (stage || !board->has_motors) {
-        return HIL_CLIENT_OK;
-    }
-    /* icub motor boards: enable each report that the tables contain, one bit per report */
-    for (size_t i = 0; i < sizeof reports / sizeof *reports; i++) {
-        const struct message *message = message_find(core, board->bus, board->name, reports[i]);
-
-        policy.value += message ? 1u << (((message->id & 0xf) - 1) & 0xf) : 0;
-    }
-    return board_command(client, board, 0, &policy, 1);
-}
-
-/* Sends the commands of a configuration stage to all boards, so that they report. foc boards need
- * four stages, the others only stage 0. Time must pass between stages. */
-static enum hil_client_code client_configure(struct hil_client *client, int stage)
-{
-    struct hil_client_core *core = client->core;
-    enum hil_client_code code = HIL_CLIENT_OK;
-
-    for (size_t i = 0; i < core->nboard && !code; i++) {
-        if (core->board[i].bus->protocol < COMPACT) {
-            code = board_configure(client, &core->board[i], stage);
-        }
-    }
-    for (size_t i = 0; stage == 0 && i < core->nmessage && !code; i++) {
-        const struct message *message = &core->message[i];
-        const struct signal *parameter = signal_find(core, message, "parameter");
-        const char *end = strrchr(message->name, '_');
-
-        if (message->bus->protocol == COMPACT && parameter && end && !strcmp(end, "_REQUEST")) {
-            const struct hil_client_value values[] = {
-                {"parameter", client_number(core, parameter, "telemetry_period")},
-                {"write", 1.0},
-                {"value", 1e-3}};
-
-            code = client_send_values(client, message, 0, values, 3);
+        if (row->kind == CYCLE && (row->owner < 0 || !core->joint[row->owner].quantity)) {
+            code = client_send_row_frame(client, row->frame);
         }
     }
     return code;
@@ -1636,9 +1384,12 @@ static int client_refresh_ticks(const struct hil_client_core *core)
 {
     int ticks = STEP_TICKS;
 
-    for (size_t i = 0; i < core->njoint; i++) {
-        if (core->joint[i].quantity) {
-            const int own = core->joint[i].board->bus->protocol == FOC ? 1 : core->refresh_ticks;
+    for (size_t i = 0; i < core->nrow; i++) {
+        const struct row *row = &core->row[i];
+
+        if ((row->kind == CYCLE && core->listening) ||
+            (row->kind == SET && row->quantity == core->joint[row->owner].quantity)) {
+            const int own = row->frame->bus->every_tick ? 1 : core->refresh_ticks;
 
             ticks = own < ticks ? own : ticks;
         }
@@ -1650,7 +1401,7 @@ static int client_refresh_ticks(const struct hil_client_core *core)
  * on the bus of the STEP, after all other frames. A refusal on one bus is enough. */
 static bool client_is_done(const struct hil_client_core *core)
 {
-    bool done = core->step->bus->done;
+    bool done = core->step->done;
 
     for (size_t i = 0; core->gateway < 0 && i < core->nbus; i++) {
         done = done && core->bus[i].done;
@@ -1662,8 +1413,16 @@ static bool client_is_done(const struct hil_client_core *core)
 static enum hil_client_code client_step_once(struct hil_client *client, int ticks)
 {
     struct hil_client_core *core = client->core;
-    const struct hil_client_value values[] = {{"tick", (uint32_t)client->tick}, {"ticks", ticks}};
-    enum hil_client_code code = client_send_values(client, core->step, 0, values, 2);
+    const struct message step = {.bus = core->step};
+    const uint32_t begin = (uint32_t)client->tick;
+    const uint8_t words[] = {(uint8_t)begin,         (uint8_t)(begin >> 8), (uint8_t)(begin >> 16),
+                             (uint8_t)(begin >> 24), (uint8_t)ticks,        (uint8_t)(ticks >> 8)};
+    uint8_t data[IMAGE_SIZE] = {0};
+    enum hil_client_code code;
+
+    memcpy(data, words, sizeof words);
+    memcpy(data + ID_BYTE, &core->step->step_id, sizeof core->step->step_id);
+    code = client_send_frame(client, &step, data, sizeof words);
 
     /* Ticks by which a DONE of this STEP is recognized */
     core->begin = (uint32_t)client->tick;
@@ -1682,9 +1441,9 @@ static enum hil_client_code client_step_once(struct hil_client *client, int tick
                            "lockstep, and are the tables of its rig?",
                            client->tick, core->timeout_ms);
     }
-    if (!code && core->stopping && core->told != core->expected) {
+    if (!code && core->stopping && core->at != core->expected) {
         return client_fail(client, HIL_CLIENT_STOPPED, "tick %" PRIu32 ": the run is over",
-                           core->told);
+                           core->at);
     }
     client->tick += code || core->refused ? 0 : ticks;
     return code;
@@ -1706,13 +1465,13 @@ enum hil_client_code hil_client_step(struct hil_client *client, int ticks)
         code = code ? code : client_step_once(client, count);
         /* If the run is at another tick, the first step starts there; a later step fails */
         if (!code && core->refused) {
-            client->tick = core->told;
+            client->tick = core->at;
             code = !core->joined ? client_step_once(client, count) : HIL_CLIENT_OK;
         }
         if (!code && core->refused) {
             code = client_fail(client, HIL_CLIENT_MOVED,
                                "the run is at tick %" PRIu32 ": somebody else moves its time",
-                               core->told);
+                               core->at);
         }
         core->joined = core->joined || !code;
         ticks -= count;
@@ -1773,7 +1532,6 @@ static enum hil_client_code client_pass(struct hil_client *client, int ticks)
 enum hil_client_code hil_client_open(struct hil_client *client,
                                      const struct hil_client_options *options)
 {
-    static const struct hil_client_foc_motor coman = {4096, 8, 12.0, 18.0, 24.0, 146, 227, 15};
     struct hil_client_core *core = calloc(1, sizeof *core);
     enum hil_client_code code;
 
@@ -1786,23 +1544,10 @@ enum hil_client_code hil_client_open(struct hil_client *client,
     core->lockstep = options->lockstep;
     core->timeout_ms = options->timeout_ms > 0 ? options->timeout_ms : 10000;
     core->refresh_ticks = options->refresh_ticks > 0 ? options->refresh_ticks : 10;
-    core->motor = options->foc ? *options->foc : coman;
-
-    /* Read the tables; find STEP and the signals of each joint and sensor */
-    code = tables_open(client, options->tables, options->rig);
-    for (size_t i = 0; i < core->nbus && !core->step && !code; i++) {
-        core->step = message_find(core, &core->bus[i], "STEP", "");
-    }
+    code = client_connect(client, options);
     if (!code && core->lockstep && !core->step) {
         code = client_fail(client, HIL_CLIENT_TABLES, "found no STEP on any bus of %s", core->rig);
     }
-    for (size_t i = 0; i < core->njoint && !code; i++) {
-        joint_resolve(core, &core->joint[i]);
-    }
-    for (size_t i = 0; i < core->nsensor && !code; i++) {
-        sensor_resolve(core, &core->sensor[i]);
-    }
-    code = code ? code : client_connect(client, options);
     if (code) {
         hil_client_close(client);
     }
@@ -1823,33 +1568,26 @@ void hil_client_close(struct hil_client *client)
         if (core->bus[i].socket >= 0) {
             close(core->bus[i].socket);
         }
-        free(core->bus[i].file);
     }
     free(core->message);
     free(core->signal);
+    free(core->frame);
+    free(core->report);
     free(core->name);
+    free(core->row);
+    free(core->table);
     free(core);
     client->core = NULL;
 }
 
 int hil_client_find_joint(const struct hil_client *client, const char *name)
 {
-    for (size_t i = 0; i < client->core->njoint; i++) {
-        if (!strcmp(client->core->joint[i].name, name)) {
-            return (int)i;
-        }
-    }
-    return -1;
+    return table_find_joint(client->core, name);
 }
 
 int hil_client_find_sensor(const struct hil_client *client, const char *name)
 {
-    for (size_t i = 0; i < client->core->nsensor; i++) {
-        if (!strcmp(client->core->sensor[i].name, name)) {
-            return (int)i;
-        }
-    }
-    return -1;
+    return table_find_sensor(client->core, name);
 }
 
 const char *hil_client_joint_name(const struct hil_client *client, int joint)
@@ -1860,27 +1598,39 @@ const char *hil_client_joint_name(const struct hil_client *client, int joint)
 
 const char *hil_client_sensor_name(const struct hil_client *client, int sensor)
 {
-    return sensor >= 0 && (size_t)sensor < client->core->nsensor ? client->core->sensor[sensor].name
+    return sensor >= 0 && (size_t)sensor < client->core->nsensor ? client->core->sensor[sensor]
                                                                  : NULL;
 }
 
 enum hil_client_code hil_client_listen(struct hil_client *client)
 {
     struct hil_client_core *core = client->core;
+    const int stages = core->listening ? 0 : client_count_stages(core, SETUP);
     enum hil_client_code code = HIL_CLIENT_OK;
-    int stages = 1;
 
-    for (size_t i = 0; i < core->nbus; i++) {
-        stages = core->bus[i].protocol == FOC ? 4 : stages;
+    for (int stage = 0; stage < stages && !code; stage++) {
+        client_limit_time(core, core->timeout_ms);
+        code = client_send_rows(client, SETUP, stage, NULL, HIL_CLIENT_OFF);
+        code = code ? code : client_pass(client, STAGE_TICKS);
     }
-    client_limit_time(core, core->timeout_ms);
-    for (int stage = 0; stage < stages && !core->listening && !code; stage++) {
-        code = client_configure(client, stage);
-        code = code ? code : client_pass(client, 2);
+    if (!code && !core->listening) {
+        core->listening = true;
+        code = client_pass(client, SETTLE_TICKS);
     }
-    code = code || core->listening ? code : client_pass(client, SETTLE_TICKS);
-    core->listening = core->listening || !code;
     return code;
+}
+
+/* Returns the row with a joint's set points of a quantity; NULL = its board takes none. */
+static const struct row *client_find_set(const struct hil_client_core *core, int joint,
+                                         enum hil_client_quantity quantity)
+{
+    for (size_t i = 0; i < core->nrow; i++) {
+        if (core->row[i].kind == SET && core->row[i].owner == joint &&
+            core->row[i].quantity == quantity) {
+            return &core->row[i];
+        }
+    }
+    return NULL;
 }
 
 /* Marks the joints with the given names; count 0 = all joints. HIL_CLIENT_BOARD = a joint's board
@@ -1896,19 +1646,14 @@ static enum hil_client_code client_choose(struct hil_client *client, const char 
     }
     for (size_t i = 0; i < (count ? count : core->njoint); i++) {
         const int joint = count ? hil_client_find_joint(client, names[i]) : (int)i;
-        const struct set_point *point;
 
         if (joint < 0) {
             return client_fail(client, HIL_CLIENT_INPUT, "rig %s has no joint \"%.60s\"", core->rig,
                                names[i]);
         }
-        point = &core->joint[joint].set_point[quantity];
-        if (quantity && (!point->signal ||
-                         (point->percent && core->joint[joint].board->bus->supply_v <= 0.0))) {
-            return client_fail(
-                client, HIL_CLIENT_BOARD,
-                "the board of %s takes no such set-point, or its tables name no supply",
-                core->joint[joint].name);
+        if (quantity && !client_find_set(core, joint, quantity)) {
+            return client_fail(client, HIL_CLIENT_BOARD, "the board of %s takes no %s",
+                               core->joint[joint].name, quantity_names[quantity]);
         }
         chosen[joint] = true;
     }
@@ -1921,20 +1666,34 @@ static enum hil_client_code client_switch(struct hil_client *client, const bool 
                                           enum hil_client_quantity quantity)
 {
     struct hil_client_core *core = client->core;
+    const int stages = client_count_stages(core, SWITCH);
     enum hil_client_code code = HIL_CLIENT_OK;
 
     client_limit_time(core, core->timeout_ms);
     for (size_t i = 0; i < core->njoint; i++) {
         struct hil_client_joint state;
 
-        if (chosen[i]) {
-            hil_client_read(client, (int)i, &state);
-            core->joint[i].value = quantity == HIL_CLIENT_POSITION ? state.position_rad : 0.0;
-            core->joint[i].quantity = quantity;
+        if (!chosen[i]) {
+            continue;
+        }
+        hil_client_read(client, (int)i, &state);
+        core->joint[i].value = 0.0;
+        core->joint[i].quantity = quantity;
+        /* A loop begins at the angle of the motor */
+        if (quantity == HIL_CLIENT_POSITION) {
+            core->joint[i].value =
+                isfinite(state.motor_position_rad) ? state.motor_position_rad : state.position_rad;
+        }
+        if (!isfinite(core->joint[i].value)) {
+            core->joint[i].quantity = HIL_CLIENT_OFF;
+            return client_fail(client, HIL_CLIENT_BOARD,
+                               "%s: its board has reported no position to hold",
+                               core->joint[i].name);
         }
     }
-    for (size_t i = 0; i < core->nbus && !code; i++) {
-        code = bus_switch(client, &core->bus[i], chosen, quantity);
+    for (int stage = 0; stage < stages && !code; stage++) {
+        code = client_send_rows(client, SWITCH, stage, chosen, quantity);
+        code = code || stage + 1 == stages ? code : client_pass(client, STAGE_TICKS);
     }
     return code ? code : client_pass(client, SETTLE_TICKS);
 }
@@ -1956,43 +1715,38 @@ static enum hil_client_code client_fail_enable(struct hil_client *client, const 
                        joint, state->mode, state->faults);
 }
 
-/* Reads the control gains of icub boards. Fails if all gains of a loop are 0, because the loop then
- * has no effect. Accepts a board that does not answer. */
+/* Reads the gains of loops. Fails if all gains of a loop are 0, because the loop then has no
+ * effect. Accepts a board that does not answer. */
 static enum hil_client_code client_check_gains(struct hil_client *client, const bool *chosen,
                                                enum hil_client_quantity quantity)
 {
-    static const char *const loops[HIL_CLIENT_QUANTITIES] = {
-        [HIL_CLIENT_CURRENT] = "CURRENT", [HIL_CLIENT_POSITION] = "POSITION"};
     struct hil_client_core *core = client->core;
     enum hil_client_code code = HIL_CLIENT_OK;
+    bool asked = false;
 
-    for (size_t i = 0; i < core->njoint && loops[quantity] && !code; i++) {
-        const struct joint *joint = &core->joint[i];
-        const struct board *board = joint->board;
-        const struct message *reply = message_find(core, board->bus, board->name, "_REPLY");
-        const struct signal *point = joint->set_point[quantity].signal, *gain[3] = {NULL};
-        struct hil_client_value command = {"command", 0.0};
+    for (size_t i = 0; i < core->nrow; i++) {
+        asked = asked || (core->row[i].kind == ASK && core->row[i].quantity == quantity &&
+                          chosen[core->row[i].owner]);
+    }
+    code = client_send_rows(client, ASK, 0, chosen, quantity);
+    code = code || !asked ? code : client_pass(client, STAGE_TICKS);
+    for (size_t joint = 0; joint < core->njoint && asked && !code; joint++) {
+        size_t gains = 0, zero = 0;
 
-        /* The gains' names end with the axis of the set-point signal, _0 or _1 */
-        for (int k = 0; k < 3 && chosen[i] && board->bus->protocol == ICUB; k++) {
-            char name[NAME_SIZE];
+        for (size_t i = 0; i < core->nrow && chosen[joint]; i++) {
+            const struct row *row = &core->row[i];
 
-            snprintf(name, sizeof name, "GET_%s_PID_k%c%s", loops[quantity], "pid"[k],
-                     strrchr(point->name, '_'));
-            gain[k] = signal_find(core, reply, name);
+            if (row->kind == VALUE && row->owner == (int)joint &&
+                (int)row->source == GAIN + (int)quantity) {
+                gains++;
+                zero += field_value(&row->field) == 0.0;
+            }
         }
-        if (!gain[0] || !gain[1] || !gain[2]) {
-            continue;
-        }
-        command.value = gain[0]->selector;
-        code = board_command(client, board, 0, &command, 1);
-        code = code ? code : client_pass(client, 2);
-        if (!code && signal_value(gain[0]) == 0.0 && signal_value(gain[1]) == 0.0 &&
-            signal_value(gain[2]) == 0.0) {
+        if (gains > 0 && zero == gains) {
             code = client_fail(client, HIL_CLIENT_BOARD,
-                               "%s: its loop has gains of 0 and would do nothing: send "
-                               "SET_%s_PID before, or set them in the rig",
-                               joint->name, loops[quantity]);
+                               "%s: the %s loop of its board has gains of 0 and would do nothing: "
+                               "send a message with its gains before, or set them in the rig",
+                               core->joint[joint].name, quantity_names[quantity]);
         }
     }
     return code;
@@ -2058,45 +1812,68 @@ int hil_client_find_tripped(const struct hil_client *client, int first)
     return -1;
 }
 
+/* Returns the newest field in which a joint or a sensor reports a quantity; NULL = none. */
+static const struct field *client_find_value(const struct hil_client_core *core, int owner,
+                                             enum source source)
+{
+    const struct field *newest = NULL;
+
+    for (size_t i = 0; i < core->nrow; i++) {
+        const struct row *row = &core->row[i];
+
+        if (row->kind == VALUE && row->owner == owner && row->source == source &&
+            (!newest || row->frame->time_ns > newest->message->time_ns)) {
+            newest = &row->field;
+        }
+    }
+    return newest;
+}
+
 enum hil_client_code hil_client_read(const struct hil_client *client, int joint,
                                      struct hil_client_joint *state)
 {
-    const struct joint *j;
-    const struct name *mode = NULL;
+    const struct hil_client_core *core = client->core;
+    const double turn = 2.0 * acos(-1.0);
+    const struct field *field[FORCE];
+    const struct row *set;
     int64_t count;
 
     if (!hil_client_joint_name(client, joint)) {
         return HIL_CLIENT_INPUT;
     }
-    j = &client->core->joint[joint];
-    /* Values in SI units; NAN = not received */
-    *state = (struct hil_client_joint){
-        .position_rad = signal_value_si(j->source[POSITION]),
-        .motor_position_rad = signal_value_si(j->source[MOTOR_POSITION]),
-        .motor_velocity_rad_s = signal_value_si(j->source[MOTOR_VELOCITY]),
-        .current_a = signal_value_si(j->source[CURRENT]),
-        .torque_nm = signal_value_si(j->source[TORQUE]),
-        .mode = "",
-        .time_ns = -1,
-    };
-    /* Boards that report the spring's deflection: link position = motor position - deflection */
-    if (j->source[DEFLECTION]) {
-        state->position_rad = state->motor_position_rad - signal_value_si(j->source[DEFLECTION]);
-    }
-    /* The motor is on if the reported mode is the requested mode */
-    if (signal_get(j->source[MODE], &count)) {
-        mode = signal_find_name(client->core, j->source[MODE], NULL, count);
-        state->mode = mode ? mode->text : "";
-    }
-    state->faults = signal_get(j->source[FAULTS], &count) ? (uint32_t)count : 0;
-    state->is_on = j->quantity && mode &&
-                   !strcmp(mode->text, protocols[j->board->bus->protocol].mode[j->quantity]);
-    /* Find the time of the newest frame */
-    for (int i = 0; i < SOURCES; i++) {
-        if (j->source[i] && j->source[i]->message->time_ns > state->time_ns) {
-            state->time_ns = j->source[i]->message->time_ns;
+    *state = (struct hil_client_joint){.mode = "", .time_ns = -1};
+    for (int i = 0; i < FORCE; i++) {
+        field[i] = client_find_value(core, joint, (enum source)i);
+        if (field[i] && field[i]->message->time_ns > state->time_ns) {
+            state->time_ns = field[i]->message->time_ns;
         }
     }
+    /* Values in SI units; NAN = not received */
+    state->position_rad = field_value(field[POSITION]);
+    state->motor_position_rad = field_value(field[MOTOR_POSITION]);
+    state->motor_velocity_rad_s = field_value(field[MOTOR_VELOCITY]);
+    state->current_a = field_value(field[CURRENT]);
+    state->torque_nm = field_value(field[TORQUE]);
+    /* The link's angle, from the spring's deflection or from an angle within a turn */
+    if (field[DEFLECTION]) {
+        state->position_rad = state->motor_position_rad - field_value(field[DEFLECTION]);
+    } else if (field[TURN]) {
+        const double link = field_value(field[TURN]);
+
+        state->position_rad = link + turn * round((state->motor_position_rad - link) / turn);
+    }
+    for (size_t i = core->nname; i-- > 0 && field_get(field[MODE], &count);) {
+        if (core->name[i].bus == field[MODE]->message->bus && core->name[i].number == count) {
+            state->mode = core->name[i].text;
+        }
+    }
+    state->faults = field_get(field[FAULTS], &count) ? (uint32_t)count : 0;
+    /* The motor is on if the reported mode is that of its set points. Some boards report no mode */
+    set = client_find_set(core, joint, core->joint[joint].quantity);
+    if (set && !field[MODE] && state->time_ns >= 0) {
+        state->mode = set->mode;
+    }
+    state->is_on = set && !strcmp(state->mode, set->mode);
     return HIL_CLIENT_OK;
 }
 
@@ -2108,33 +1885,57 @@ enum hil_client_code hil_client_read_wrench(const struct hil_client *client, int
     }
     wrench->time_ns = -1;
     for (int i = 0; i < 6; i++) {
-        const struct signal *signal = client->core->sensor[sensor].source[i];
+        const struct field *field =
+            client_find_value(client->core, sensor, (enum source)(FORCE + i));
 
-        *(i < 3 ? &wrench->force_n[i] : &wrench->moment_nm[i - 3]) = signal_value(signal);
-        if (signal && signal->message->time_ns > wrench->time_ns) {
-            wrench->time_ns = signal->message->time_ns;
+        *(i < 3 ? &wrench->force_n[i] : &wrench->moment_nm[i - 3]) = field_value(field);
+        if (field && field->message->time_ns > wrench->time_ns) {
+            wrench->time_ns = field->message->time_ns;
         }
     }
     return HIL_CLIENT_OK;
+}
+
+enum hil_client_code hil_client_read_dropped(struct hil_client *client, uint64_t *count)
+{
+    struct hil_client_core *core = client->core;
+    enum hil_client_code code;
+    int size = 0;
+
+    if (core->gateway < 0) {
+        return client_fail(client, HIL_CLIENT_INPUT, "expected a gateway, which counts commands");
+    }
+    client_limit_time(core, core->timeout_ms);
+    code = stream_ask(client, "< tell dropped >");
+    if (!code && sscanf(core->told, "%" SCNu64 "%n", count, &size) != 1) {
+        return client_fail(client, HIL_CLIENT_CONNECTION, "the gateway says: %.160s", core->told);
+    }
+    if (!code) {
+        client_fail(client, code, "%s", core->told + size + (core->told[size] == ' '));
+    }
+    return code;
 }
 
 enum hil_client_code hil_client_send(struct hil_client *client, const char *bus,
                                      const char *message, const struct hil_client_value *values,
                                      size_t nvalue)
 {
-    const struct message *found =
-        message_find(client->core, bus_find(client->core, bus), message, "");
+    const struct message *found = message_find(client->core, bus_find(client->core, bus), message);
 
     client_limit_time(client->core, client->core->timeout_ms);
-    return found ? client_send_values(client, found, 0, values, nvalue)
-                 : client_fail(client, HIL_CLIENT_INPUT, "found no message %.40s on bus %.40s",
-                               message, bus);
+    return found ? client_send_values(client, found, values, nvalue)
+                 : client_fail(client, HIL_CLIENT_INPUT, "found no message %.40s on bus %.40s%s",
+                               message, bus, "");
 }
 
 double hil_client_signal(const struct hil_client *client, const char *bus, const char *message,
                          const char *signal)
 {
-    return signal_value(
-        signal_find(client->core,
-                    message_find(client->core, bus_find(client->core, bus), message, ""), signal));
+    const struct signal *found = signal_find(
+        client->core, message_find(client->core, bus_find(client->core, bus), message), signal);
+
+    if (!found || (found->selector >= 0 && found->field.message->data[0] != found->selector)) {
+        return NAN;
+    }
+    return field_value(&found->field);
 }

@@ -5,8 +5,7 @@
  * force-torque sensors have names. In lockstep the client advances virtual time. C11 and C++,
  * Linux.
  *
- *     const struct hil_client_options options = {
- *         .tables = "tables", .ready = "ready", .lockstep = true};
+ *     const struct hil_client_options options = {.ready = "ready", .lockstep = true};
  *     struct hil_client client;
  *     struct hil_client_joint elbow;
  *
@@ -20,11 +19,10 @@
  *     hil_client_read(&client, joint, &elbow);
  *     hil_client_close(&client);
  *
- * Tables. The DBC files from `coman-hil dbc RIG -o FOLDER` define the frames. The Python package
- * reads the same files. Joints and sensors have the names of the rig. Write the files again after
- * each change of the rig, because scales depend on the rig. With options.ready, the client compares
- * its files with the running rig; a difference is HIL_CLIENT_TABLES, and the message names the
- * file. With options.port or SocketCAN the running rig is unknown, and the client compares nothing.
+ * Client table. The run tells the client how its boards are switched, commanded and read, and what
+ * the messages of its DBC files are; the client knows no protocol. With SocketCAN, the client reads
+ * this table from the file RIG.joints of `coman-hil dbc RIG -o FOLDER`. Write this file again after
+ * each change of the rig. Joints and sensors have the names of the rig.
  *
  * Units: rad, rad/s, A, V, N m, N; times in ns or ms, as the names say. Angles, currents and
  * torques refer to the link side of the gear, positive along the joint's axis. Forces and moments
@@ -32,17 +30,17 @@
  *
  * Commands and reports per joint, by protocol (one row per protocol, commands | reports):
  *
- *              voltage  current  position  torque | angle  motor angle  velocity  current  torque
- *     icub     yes      gains    gains     -      | yes    yes          -         yes      sensor
- *     foc      yes      yes      -         -      | -      yes          yes       yes      sensor
- *     compact  yes      yes      -         -      | yes    yes          FD        yes      yes
+ *              volt.  curr.  pos.   vel.   torque | angle  motor angle  velocity  current  torque
+ *     icub     yes    gains  gains  -      -      | yes    yes          -         yes      sensor
+ *     foc      yes    yes    -      -      -      | -      yes          yes       yes      sensor
+ *     compact  yes    yes    -      -      -      | yes    yes          FD        yes      yes
+ *     cia402   yes    -      yes    yes    yes    | yes    yes          -         -        yes
+ *     moteus   -      -      yes    yes    yes    | yes    yes          yes       -        yes
+ *     a file   what its states, laws and frames have
  *
  * "gains": the board runs its own control loop, and its gains are 0 at first. Set them in the rig
  * or with hil_client_send (SET_CURRENT_PID, SET_POSITION_PID). Until then hil_client_enable fails
- * with HIL_CLIENT_BOARD. "sensor": only if a board of the rig measures the joint's torque. No
- * protocol accepts a joint torque in N m: command currents instead. Buses of cia402, moteus and
- * other described boards have no joints here; the Python package supports their joints. Use
- * hil_client_send and hil_client_signal for their messages.
+ * with HIL_CLIENT_BOARD. "sensor": only if a board of the rig measures the joint's torque.
  *
  * Errors. A function that can fail returns HIL_CLIENT_OK (0) or an error code, and writes the
  * reason to client->message. After HIL_CLIENT_CONNECTION or HIL_CLIENT_SYSTEM, only
@@ -72,7 +70,7 @@ extern "C" {
 enum hil_client_code {
     HIL_CLIENT_OK,
     HIL_CLIENT_INPUT,      /* unknown name, number out of range, or wrong kind of clock */
-    HIL_CLIENT_TABLES,     /* DBC file missing, invalid (FILE:LINE) or older than the rig */
+    HIL_CLIENT_TABLES,     /* client table missing or invalid (FILE:LINE) */
     HIL_CLIENT_SYSTEM,     /* system call failed, or out of memory */
     HIL_CLIENT_CONNECTION, /* gateway unreachable, refused a command, or closed the connection */
     HIL_CLIENT_TIMEOUT,    /* no answer before the timeout */
@@ -87,30 +85,23 @@ enum hil_client_quantity {
     HIL_CLIENT_VOLTAGE,
     HIL_CLIENT_CURRENT,
     HIL_CLIENT_POSITION,
+    HIL_CLIENT_VELOCITY,
+    HIL_CLIENT_TORQUE,
     HIL_CLIENT_QUANTITIES
-};
-
-/* Motor settings that 2FOC boards need before they accept commands: encoder, currents (A), and the
- * PI controller of the current (counts; the board divides kp and ki by 2^shift). */
-struct hil_client_foc_motor {
-    double encoder_ticks_per_rev, poles, nominal_a, peak_a, overload_a;
-    double current_kp, current_ki, current_shift;
 };
 
 /* The client connects to the first of these that is set: the gateway that the file of
  * `coman-hil run --ready FILE` names, the gateway at host and port, or SocketCAN interfaces. A
  * member of 0 or NULL has its default. */
 struct hil_client_options {
-    const char *tables; /* folder of the DBC files; required */
-    const char *rig;    /* name of the rig; required if the folder has files of several rigs */
-    const char *ready;  /* FILE of --ready; open waits for it and its gateway; NULL = unused */
-    const char *host;   /* IPv4 or IPv6 address, no name; NULL = 127.0.0.1 */
-    uint16_t port;      /* 0 = SocketCAN */
+    const char *ready; /* FILE of --ready; open waits for it and its gateway; NULL = unused */
+    const char *host;  /* IPv4 or IPv6 address, no name; NULL = 127.0.0.1 */
+    uint16_t port;     /* 0 = SocketCAN */
+    const char *table; /* SocketCAN: the file RIG.joints of coman-hil dbc; else unused */
     const char *const *interfaces; /* "BUS=INTERFACE", ..., NULL; default: those of the rig */
     bool lockstep;                 /* hil_client_step advances virtual time */
     int timeout_ms;                /* wall time per answer; 0 = 10,000 */
-    int refresh_ticks; /* ticks between set-points in a long step; 0 = 10; 1 with foc boards */
-    const struct hil_client_foc_motor *foc; /* NULL = COMAN's motors */
+    int refresh_ticks; /* ticks between set-points in a long step; 0 = 10; some boards get 1 */
 };
 
 struct hil_client {
@@ -143,7 +134,7 @@ struct hil_client_value {
     double value;
 };
 
-/* Reads the tables and connects. After an error, hil_client_close is not needed. */
+/* Connects and reads the client table. After an error, hil_client_close is not needed. */
 enum hil_client_code hil_client_open(struct hil_client *client,
                                      const struct hil_client_options *options);
 
@@ -167,9 +158,9 @@ enum hil_client_code hil_client_listen(struct hil_client *client);
 enum hil_client_code hil_client_enable(struct hil_client *client, const char *const *joints,
                                        size_t njoint, enum hil_client_quantity quantity);
 
-/* Stores the set-point (V, A, rad) of a motor that is on for this quantity. The next step or write
- * sends it. Limits a voltage to the supply of the rig, and any value to the range of its signal.
- * RT-safe. */
+/* Stores the set-point (V, A, rad, rad/s, N m) of a motor that is on for this quantity. The next
+ * step or write sends it. Limits a voltage to the supply of the rig, and any value to the range of
+ * its signal. RT-safe. */
 enum hil_client_code hil_client_command(struct hil_client *client, int joint,
                                         enum hil_client_quantity quantity, double value);
 
@@ -195,8 +186,14 @@ enum hil_client_code hil_client_read(const struct hil_client *client, int joint,
 enum hil_client_code hil_client_read_wrench(const struct hil_client *client, int sensor,
                                             struct hil_client_wrench *wrench);
 
-/* Sends a message of the DBC. Missing signals are 0. In a multiplexed message, the given signals
- * select the command. For a command without signals, give the signal "command" and its number. */
+/* Reads how many commands boards have dropped, for a wrong length, value, checksum or counter or as
+ * unknown. client->message gets the log's line about the last one; "" = none yet. Only through a
+ * gateway. */
+enum hil_client_code hil_client_read_dropped(struct hil_client *client, uint64_t *count);
+
+/* Sends a message of the DBC. Missing signals are 0; counter, checksum and constants of a protocol
+ * file are filled in unless given. In a multiplexed message, the given signals select the command.
+ * For a command without signals, give the signal "command" and its number. */
 enum hil_client_code hil_client_send(struct hil_client *client, const char *bus,
                                      const char *message, const struct hil_client_value *values,
                                      size_t nvalue);

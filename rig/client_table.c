@@ -1,143 +1,1203 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes a described protocol, and the boards on its bus, as JSON. */
+/* Writes the client table of a rig. The frames that configure boards come from the tasks' host,
+ * reported values of protocols without a file from the DBC. */
 #include "rig/client_table.h"
 
-#include "base/json_text.h"
+#include "base/array.h"
+#include "base/portable_math.h"
+#include "boards/cia402/protocol.h"
 #include "boards/described/protocol.h"
+#include "boards/moteus/protocol.h"
+#include "boards/protocol.h"
+#include "rig/dbc.h"
+#include "tasks/host.h"
 
 #include <inttypes.h>
+#include <math.h>
+#include <string.h>
 
-/* Writes a list of frames as an array of their indices. */
-static void table_put_list(const char *key, const struct described_list *list, FILE *out)
+#define NO_FIELD "0|0@1+"
+
+enum {
+    ARENA_SIZE = 64 << 20,
+    PERIOD_MS = 1,     /* telemetry period that clients ask for */
+    STAGE_TICKS = 2,   /* ticks between two stages of clients */
+    RESTART_TICKS = 5, /* longer than a restart takes */
+};
+
+struct client_table {
+    const struct rig *rig;
+    size_t bus;
+    const struct dbc *dbc;
+    FILE *out;
+    int frames, reports; /* numbers of the next ones on the bus */
+    /* described: number of the frame that axes share, by law, row and number; -1 = not written */
+    int shared[DESCRIBED_POSITION + 1][DESCRIBED_FRAMES_MAX][DESCRIBED_SLOTS];
+};
+
+static const char *table_joint(const struct client_table *t, const struct board_axis_config *axis)
 {
-    fprintf(out, "\"%s\": [", key);
-    for (size_t i = 0; i < list->count; i++) {
-        fprintf(out, "%s%d", i ? ", " : "", list->frame[i]);
-    }
-    fprintf(out, "], ");
+    return t->rig->robot->joint[axis->joint].name;
 }
 
-/* Writes states or laws: for each its name, value, law and scale of the set point. */
-static void table_put_states(const char *key, const struct described_state *state, size_t count,
-                             FILE *out)
+/* ---- frames ---- */
+
+/* Writes the identifier and the format of a frame, after a word. */
+static void table_put_head(const struct client_table *t, const char *word, uint32_t id,
+                           unsigned flags)
 {
-    fprintf(out, "\"%s\": [", key);
-    for (size_t i = 0; i < count; i++) {
-        fprintf(out,
-                "%s{\"name\": \"%s\", \"value\": %" PRId64 ", \"law\": \"%s\", \"scale\": %.17g}",
-                i ? ", " : "", state[i].name, state[i].value, described_law_word(state[i].law),
-                state[i].set_point_scale);
-    }
-    fprintf(out, "],\n ");
+    fprintf(t->out, "%s %0*" PRIX32 " %c", word, flags & FRAME_EXTENDED ? 8 : 3, id,
+            flags & FRAME_FD       ? 'f'
+            : flags & FRAME_REMOTE ? 'r'
+                                   : 'c');
 }
 
-/* Writes a field: its meaning, its bits, and its scale and range, by model if these differ. */
-static void table_put_field(const struct described_protocol *p, const struct described_frame *frame,
-                            size_t i, FILE *out)
+static void table_put_data(const struct client_table *t, const uint8_t *data, unsigned length)
 {
-    const struct described_field *f = &frame->field[i];
-
-    fprintf(out,
-            "%s\n   {\"name\": \"%s\", \"meaning\": \"%s\", \"byte\": %d, \"shift\": %d, \"mask\": "
-            "%" PRIu64 ", \"sign\": %" PRIu64
-            ", \"end\": %d, \"in_id\": %d, \"big\": %d, \"real\": %d, "
-            "\"scale\": %.17g, \"offset\": %.17g, \"low\": %" PRId64 ", \"high\": %" PRId64
-            ", \"constant\": %" PRId64 ", \"host\": %.17g, \"axis\": %d",
-            i ? "," : "", described_layout(frame, i)->name,
-            described_meaning_name(f->meaning, frame->from_host), f->byte, f->shift, f->mask,
-            f->sign, f->end, f->in_id, f->big_endian, f->real, f->scale, f->offset, f->low, f->high,
-            f->constant, f->host, f->axis);
-    /* Scale and offset by model, in place of those above */
-    fputs(f->times < 0 ? "" : ", \"models\": [", out);
-    for (size_t m = 0; f->times >= 0 && m < p->nmodel; m++) {
-        const struct described_field scaled = described_model_field(p, (unsigned)m, f);
-
-        fprintf(out, "%s[%.17g, %.17g]", m ? ", " : "", scaled.scale, scaled.offset);
+    fputs(length ? " " : " -", t->out);
+    for (unsigned i = 0; i < length; i++) {
+        fprintf(t->out, "%02x", data[i]);
     }
-    fputs(f->times < 0 ? "}" : "]}", out);
 }
 
-/* Writes a frame with its fields. */
-static void table_put_frame(const struct described_protocol *p, const struct described_frame *frame,
-                            FILE *out)
+/* Writes a frame without checksum and counter. Returns its number. */
+static int table_put_frame(struct client_table *t, const struct bus_frame *frame)
 {
-    static const char *const by[] = {"none", "address", "slot", "group"};
-
-    fprintf(out,
-            "{\"name\": \"%s\", \"host\": %d, \"remote\": %d, \"id\": %" PRIu32
-            ", \"step\": %" PRIu32 ", \"most\": %d, \"id_mask\": %" PRIu32
-            ", \"by\": \"%s\", \"extended\": %d, \"fd\": %d, "
-            "\"length\": %d, \"repeats\": %d, \"of\": %u, \"of_one\": %d, \"checksum\": %d, "
-            "\"checksum_byte\": %d, \"fields\": [",
-            frame->name, frame->from_host, frame->remote, frame->base, frame->step, frame->most,
-            frame->mask, by[frame->by], !!(frame->flags & FRAME_EXTENDED),
-            !!(frame->flags & FRAME_FD), frame->length, frame->repeats, frame->of, frame->of_one,
-            frame->checksum, frame->checksum_byte);
-    for (size_t i = 0; i < frame->nfield; i++) {
-        table_put_field(p, frame, i, out);
-    }
-    fputs("]}", out);
+    table_put_head(t, "frame", frame->id, frame->flags);
+    table_put_data(t, frame->data, frame->len);
+    fputs(" 0 0 -1 " NO_FIELD "\n", t->out);
+    return t->frames++;
 }
 
-/* Writes the boards of the bus, each with the joints of its axes. */
-static void table_put_boards(const struct rig *rig, size_t bus, FILE *out)
+static void table_put_switch(struct client_table *t, const char *joint, const char *quantity,
+                             int stage, int frame)
 {
-    const char *separator = "";
+    fprintf(t->out, "switch %s %s %d %d " NO_FIELD " 0\n", joint, quantity, stage, frame);
+}
 
-    fputs("\"boards\": [", out);
-    for (size_t i = 0; i < rig->boards.nboard; i++) {
-        const struct board_config *board = &rig->boards.board[i];
-        unsigned axes = board->kind == BOARD_MOTOR ? BOARD_AXES_MAX : 0;
+/* Writes a frame of the host's start-up. */
+static void table_visit_start_up(void *context, unsigned stage, const struct bus_frame *frame)
+{
+    struct client_table *t = context;
 
-        if (board->bus != (int)bus) {
+    const int number = table_put_frame(t, frame);
+
+    fprintf(t->out, "setup %u %d\n", stage, number);
+}
+
+/* ---- signals of the DBC ---- */
+
+static const char *dbc_whole_name(const char *name, const char *long_name)
+{
+    return long_name ? long_name : name;
+}
+
+/* Returns the kind of a board's message: its name without the names of the board and the number. */
+static void table_find_kind(const struct client_table *t, const struct dbc_message *message,
+                            char kind[64])
+{
+    const struct dbc_node *node = &t->dbc->node[message->sender];
+    const char *sender = dbc_whole_name(node->name, node->long_name);
+    const char *name = dbc_whole_name(message->name, message->long_name);
+    const size_t length = strlen(sender);
+    size_t size;
+
+    name += !strncmp(name, sender, length) && name[length] == '_' ? length + 1 : 0;
+    size = strlen(name);
+    while (size > 1 && name[size - 1] >= '0' && name[size - 1] <= '9') {
+        size--;
+    }
+    size = name[size] && name[size - 1] == '_' ? size - 1 : strlen(name);
+    snprintf(kind, 64, "%.*s", (int)size, name);
+}
+
+/* Returns the name of a signal without its joint. */
+static const char *signal_quantity(const struct dbc_signal *signal)
+{
+    const char *whole = dbc_whole_name(signal->name, signal->long_name), *name = whole;
+    const char *about = signal->comment;
+
+    name += *name == '_' && *about >= '0' && *about <= '9';
+    for (; *about; about++, name++) {
+        const char letter = (*about >= 'a' && *about <= 'z') || (*about >= 'A' && *about <= 'Z') ||
+                                    (*about >= '0' && *about <= '9')
+                                ? *about
+                                : '_';
+
+        if (*name != letter) {
+            return whole;
+        }
+    }
+    return *name == '_' ? name + 1 : whole;
+}
+
+/* Returns the value of a signal's unit in SI units. */
+static double signal_si(const struct dbc_signal *signal)
+{
+    return !strcmp(signal->unit, "mA")                                        ? 1e-3
+           : !strcmp(signal->unit, "turn") || !strcmp(signal->unit, "turn/s") ? 2.0 * M_PI
+                                                                              : 1.0;
+}
+
+/* Writes the place of a signal. */
+static void signal_put_place(const struct dbc_signal *signal, FILE *out)
+{
+    fprintf(out, " %u|%u@%d%c", signal->start, signal->bits, !signal->big_endian,
+            signal->type == DBC_FLOAT    ? 'f'
+            : signal->type == DBC_SIGNED ? '-'
+                                         : '+');
+}
+
+/* Returns the board of a node of the DBC; the host and the simulator come first. */
+static const struct board_config *table_find_board(const struct client_table *t, int node)
+{
+    for (size_t i = 0; i < t->rig->boards.nboard; i++) {
+        if (t->rig->boards.board[i].bus == (int)t->bus && node-- == 2) {
+            return &t->rig->boards.board[i];
+        }
+    }
+    return NULL;
+}
+
+static const char *const components[] = {"fx", "fy", "fz", "mx", "my", "mz"};
+
+/* Returns the quantity of a client that a board's signal reports, NULL = none. */
+static const char *table_find_quantity(const char *kind, const struct dbc_signal *signal)
+{
+    static const char *const quantities[][2] = {
+        {"POSITION:position", "position"},
+        {"MOTOR_POSITION:position", "motor_position"},
+        {"CURRENT:current", "current"},
+        {"STATUS:mode", "mode"},
+        {"STATUS:fault", "faults"},
+        {"FORCE:torque", "torque"},
+        {"TORQUE:torque", "torque"},
+        {"FOC:position", "motor_position"},
+        {"FOC:velocity", "motor_velocity"},
+        {"FOC:current", "current"},
+        {"STATUS:faults", "faults"},
+        {"TELEMETRY:motor_encoder", "motor_position"},
+        {"TELEMETRY:deflection", "deflection"},
+        {"TELEMETRY:spring_torque", "torque"},
+        {"STATUS:statusword", "mode"},
+        {"REPLY:mode", "mode"},
+        {"REPLY:position", "motor_position"},
+        {"REPLY:velocity", "motor_velocity"},
+        {"REPLY:torque", "torque"},
+        {"REPLY:abs_position", "position_in_turn"},
+        {"REPLY:fault", "faults"},
+    };
+    char key[128];
+
+    snprintf(key, sizeof key, "%s:%s", kind, signal_quantity(signal));
+    for (size_t i = 0; i < ARRAY_COUNT(quantities); i++) {
+        if (!strcmp(quantities[i][0], key)) {
+            return quantities[i][1];
+        }
+    }
+    return NULL;
+}
+
+/* Writes the values that the boards report by the signals of the DBC, and the names of modes. */
+static void table_put_signals(struct client_table *t)
+{
+    const struct dbc_value *modes = NULL;
+
+    for (const struct dbc_message *m = t->dbc->message; m; m = m->next) {
+        const struct board_config *board = table_find_board(t, m->sender);
+        bool written = false;
+        char kind[64];
+
+        for (const struct dbc_signal *s = m->signal; board && s; s = s->next) {
+            const char *name = s->comment, *quantity = NULL;
+
+            table_find_kind(t, m, kind);
+            if (board->kind == BOARD_FT && s->role == DBC_PLAIN) {
+                name = t->rig->robot->ft[board->ft].name;
+                for (size_t i = 0; i < ARRAY_COUNT(components); i++) {
+                    quantity = !strcmp(s->name, components[i]) ? s->name : quantity;
+                }
+            } else if (s->comment && s->role == DBC_PLAIN) {
+                quantity = table_find_quantity(kind, s);
+            }
+            if (!quantity) {
+                continue;
+            }
+            if (!written) {
+                table_put_head(t, "report", m->id & ~DBC_EXTENDED,
+                               (m->id & DBC_EXTENDED ? FRAME_EXTENDED : 0) |
+                                   (m->fd ? FRAME_FD : 0));
+                fprintf(t->out, " 0 %" PRIX32 " - -\n", ~m->id_mask & 0x1fffffff);
+                t->reports++;
+                written = true;
+            }
+            fprintf(t->out, "value %s %s %d", name, quantity, t->reports - 1);
+            /* A statusword has the state in its lower bits */
+            if (!strcmp(quantity, "mode") && s->bits == 16) {
+                fprintf(t->out, " %u|7@1+", s->start);
+            } else {
+                signal_put_place(s, t->out);
+            }
+            fprintf(t->out, " %.17g %.17g\n", s->scale * signal_si(s), s->offset * signal_si(s));
+            modes = strcmp(quantity, "mode") != 0 || modes ? modes : s->value;
+        }
+    }
+    for (; modes; modes = modes->next) {
+        fprintf(t->out, "name %" PRId64 " %s\n", modes->number, modes->text);
+    }
+}
+
+/* ---- icub and foc ---- */
+
+/* Finds the command of a joint's board whose signal begins with a text. Returns the frame with the
+ * signal 0. */
+static const struct dbc_signal *table_find_command(const struct client_table *t, const char *joint,
+                                                   const char *begin, struct bus_frame *frame)
+{
+    for (const struct dbc_message *m = t->dbc->message; m; m = m->next) {
+        for (const struct dbc_signal *s = m->signal; m->sender == 0 && s; s = s->next) {
+            if (s->comment && !strcmp(s->comment, joint) &&
+                !strncmp(signal_quantity(s), begin, strlen(begin))) {
+                *frame = (struct bus_frame){.id = m->id,
+                                            .len = s->frame_length ? s->frame_length : m->length};
+                if (s->role == DBC_MULTIPLEXED) {
+                    frame->data[0] = (uint8_t)s->selector;
+                }
+                return s;
+            }
+        }
+    }
+    return NULL;
+}
+
+/* Writes the commands that switch a motor to the modes of icub, which foc boards share. */
+static void icub_put_switches(struct client_table *t, const char *joint)
+{
+    static const struct {
+        const char *quantity, *mode;
+    } rows[] = {{"off", "force_idle"},
+                {"voltage", "open_loop"},
+                {"current", "current"},
+                {"position", "direct"}};
+    struct bus_frame frame;
+    const struct dbc_signal *mode = table_find_command(t, joint, "SET_CONTROL_MODE_mode", &frame);
+
+    for (size_t i = 0; mode && i < ARRAY_COUNT(rows); i++) {
+        const struct dbc_value *value = mode->value;
+
+        while (value && strcmp(value->text, rows[i].mode) != 0) {
+            value = value->next;
+        }
+        if (value) {
+            frame.data[1] = (uint8_t)value->number;
+            table_put_switch(t, joint, rows[i].quantity, 0, table_put_frame(t, &frame));
+        }
+    }
+}
+
+/* Writes a set point of a DBC signal. scale: of a count, in SI units. */
+static void signal_put_set(struct client_table *t, const char *joint, const char *quantity,
+                           int frame, const struct dbc_signal *signal, double scale, double most,
+                           const char *mode)
+{
+    fprintf(t->out, "set %s %s %d", joint, quantity, frame);
+    signal_put_place(signal, t->out);
+    fprintf(t->out, " %.17g 0 %.17g %.17g %s\n", scale, -most, most, mode);
+}
+
+/* Writes the question for the gains of a loop, and the answer's fields. */
+static void icub_put_gains(struct client_table *t, const char *joint, const char *quantity,
+                           const char *loop, unsigned axis_bit)
+{
+    const struct dbc_signal *gain[3] = {NULL};
+    const struct dbc_message *reply = t->dbc->message;
+    struct bus_frame ask;
+    int frame;
+
+    if (!table_find_command(t, joint, "SET_CONTROL_MODE_mode", &ask)) {
+        return;
+    }
+    /* The answer comes from the address to which the question goes */
+    for (const struct dbc_message *m = reply; m && !gain[2]; m = m->next) {
+        reply = m;
+        for (int k = 0; k < 3 && reply->sender >= 2 && (reply->id >> 4 & 0xf) == (ask.id & 0xf);
+             k++) {
+            char name[DBC_NAME_MAX + 1];
+
+            snprintf(name, sizeof name, "GET_%s_PID_k%c_%d", loop, "pid"[k], axis_bit != 0);
+            gain[k] = dbc_find_signal(reply, name);
+        }
+    }
+    if (!gain[2]) {
+        return;
+    }
+    ask.len = 1;
+    ask.data[0] = (uint8_t)gain[0]->selector;
+    frame = table_put_frame(t, &ask);
+    fprintf(t->out, "ask %s %s %d\n", joint, quantity, frame);
+    table_put_head(t, "report", reply->id, 0);
+    fprintf(t->out, " 0 1FFFFFFF ff %02x\n", ask.data[0]);
+    for (int k = 0; k < 3; k++) {
+        fprintf(t->out, "value %s %s_gain %d", joint, quantity, t->reports);
+        fprintf(t->out, " %u|%u@1- 1 0\n", gain[k]->start, gain[k]->bits);
+    }
+    t->reports++;
+}
+
+/* Writes the set points of an axis of an icub motor board. */
+static void icub_put_axis(struct client_table *t, const char *joint)
+{
+    static const struct {
+        const char *quantity, *begin, *mode, *loop;
+        double most;
+    } rows[] = {
+        {"voltage", "SET_OPEN_LOOP_pwm", "open_loop", NULL, 0.0},
+        {"current", "SET_DESIRED_TORQUE_torq", "current", "CURRENT", 1e300},
+        {"position", "SET_COMMAND_POSITION_p", "direct", "POSITION", 1e300},
+    };
+    const double supply_v = t->rig->supply_v;
+
+    icub_put_switches(t, joint);
+    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
+        struct bus_frame frame;
+        const struct dbc_signal *signal = table_find_command(t, joint, rows[i].begin, &frame);
+
+        if (!signal) {
             continue;
         }
+        /* The DBC has PWM in % of the supply, and currents as bare counts of 1 mA */
+        signal_put_set(t, joint, rows[i].quantity, table_put_frame(t, &frame), signal,
+                       i == 0   ? signal->scale * supply_v / 100.0
+                       : i == 1 ? 1e-3
+                                : signal->scale,
+                       i == 0 ? supply_v : rows[i].most, rows[i].mode);
+        if (rows[i].loop) {
+            icub_put_gains(t, joint, rows[i].quantity, rows[i].loop, frame.data[0] & 0x80);
+        }
+    }
+}
+
+/* Writes the set points of a foc motor. One frame has the targets of all boards. Its counts are mA,
+ * or those of the PWM in STATUS. */
+static void foc_put_axis(struct client_table *t, const char *joint, int *targets)
+{
+    struct bus_frame frame;
+    const struct dbc_signal *target = table_find_command(t, joint, "target", &frame);
+    const double supply_v = t->rig->supply_v;
+
+    icub_put_switches(t, joint);
+    for (const struct dbc_message *m = t->dbc->message; m && target; m = m->next) {
+        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
+            if (s->comment && !strcmp(s->comment, joint) && !strcmp(signal_quantity(s), "pwm")) {
+                *targets = *targets < 0 ? table_put_frame(t, &frame) : *targets;
+                signal_put_set(t, joint, "voltage", *targets, target, s->scale * supply_v / 100.0,
+                               supply_v, "open_loop");
+                signal_put_set(t, joint, "current", *targets, target, 1e-3, 1e300, "current");
+            }
+        }
+    }
+}
+
+/* ---- moteus ---- */
+
+/* Writes the frames of a controller. Each of them also reads what the controller reports. */
+static void moteus_put_axis(struct client_table *t, const char *joint, unsigned address)
+{
+    static const uint8_t question[] = {
+        MOTEUS_READ | MOTEUS_INT8 | 1,  MOTEUS_R_MODE,
+        MOTEUS_READ | MOTEUS_FLOAT | 3, MOTEUS_R_POSITION,
+        MOTEUS_READ | MOTEUS_FLOAT | 1, MOTEUS_R_ABS_POSITION,
+        MOTEUS_READ | MOTEUS_INT8 | 3,  MOTEUS_R_VOLTAGE,
+    };
+    /* position, velocity, feed-forward torque, scale of kp, scale of kd */
+    static const struct {
+        const char *quantity;
+        float value[5];
+        int set;
+    } rows[] = {
+        {"torque", {NAN, 0.0f, 0.0f, 0.0f, 0.0f}, 2},
+        {"velocity", {NAN, 0.0f, 0.0f, 0.0f, 1.0f}, 1},
+        {"position", {0.0f, 0.0f, 0.0f, 1.0f, 1.0f}, 0},
+        {"off", {0.0f}, -1},
+        {"", {0.0f}, -1},
+    };
+
+    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
+        uint8_t command[32] = {MOTEUS_WRITE | MOTEUS_INT8 | 1,
+                               MOTEUS_R_MODE,
+                               MOTEUS_STOPPED,
+                               MOTEUS_WRITE | MOTEUS_FLOAT,
+                               5,
+                               MOTEUS_R_POSITION_COMMAND};
+        unsigned length = rows[i].set >= 0 ? 26 : *rows[i].quantity ? 3 : 0;
+        struct bus_frame frame = {.id = MOTEUS_WANTS_REPLY | moteus_id(0, address),
+                                  .flags = FRAME_EXTENDED | FRAME_FD | FRAME_BRS};
+        int number;
+
+        command[2] = rows[i].set >= 0 ? MOTEUS_POSITION : MOTEUS_STOPPED;
+        for (int k = 0; k < 5; k++) {
+            uint32_t bits;
+
+            memcpy(&bits, &rows[i].value[k], sizeof bits);
+            put_u32_le(command + 6 + 4 * k, bits);
+        }
+        memset(frame.data, MOTEUS_NOP, MOTEUS_DATA_MAX);
+        memcpy(frame.data, command, length);
+        memcpy(frame.data + length, question, sizeof question);
+        frame.len = frame_fd_length(length + (unsigned)sizeof question);
+        number = table_put_frame(t, &frame);
+        if (rows[i].set >= 0) {
+            fprintf(t->out, "set %s %s %d %d|32@1f %.17g 0 -1e300 1e300 position\n", joint,
+                    rows[i].quantity, number, 8 * (6 + 4 * rows[i].set),
+                    rows[i].set < 2 ? 2.0 * M_PI : 1.0);
+        } else if (length) {
+            table_put_switch(t, joint, rows[i].quantity, 0, number);
+        } else {
+            fprintf(t->out, "cycle %d %s\n", number, joint);
+        }
+    }
+}
+
+/* ---- cia402 ---- */
+
+/* Writes the name of each state of a drive, for its bits of the statusword. */
+static void cia402_put_names(struct client_table *t)
+{
+    static const struct {
+        unsigned mask, bits;
+        const char *name;
+    } states[] = {
+        {0x4f, 0x00, "not_ready"},      {0x4f, 0x40, "switch_on_disabled"},
+        {0x6f, 0x21, "ready"},          {0x6f, 0x23, "switched_on"},
+        {0x6f, 0x27, "enabled"},        {0x6f, 0x07, "quick_stop"},
+        {0x4f, 0x0f, "fault_reaction"}, {0x4f, 0x08, "fault"},
+    };
+
+    for (unsigned word = 0; word < 0x80; word++) {
+        for (size_t i = 0; i < ARRAY_COUNT(states); i++) {
+            if ((word & states[i].mask) == states[i].bits) {
+                fprintf(t->out, "name %u %s\n", word, states[i].name);
+            }
+        }
+    }
+}
+
+/* Writes a frame that writes 0, or a value, to an object. Returns its number. */
+static int cia402_put_write(struct client_table *t, unsigned node, unsigned index, unsigned bytes,
+                            int value)
+{
+    struct bus_frame frame = {.id = CIA402_SDO_REQUEST + node, .len = CIA402_SDO_LENGTH};
+
+    frame.data[0] = (uint8_t)(CIA402_DOWNLOAD | (4 - bytes) << 2 | CIA402_EXPEDITED | CIA402_SIZED);
+    put_u16_le(frame.data + 1, (uint16_t)index);
+    frame.data[4] = (uint8_t)value;
+    return table_put_frame(t, &frame);
+}
+
+/* Writes the set points of an axis. The voltages of a node share a frame; other set points are
+ * objects. */
+static void cia402_put_axis(struct client_table *t, const struct board_config *board, unsigned k,
+                            int voltages, int controls)
+{
+    const struct board_axis_config *axis = &board->axis[k];
+    const struct {
+        const char *quantity;
+        unsigned index, bytes;
+        int mode;
+        double scale, most;
+    } rows[] = {
+        {"voltage", 0, 2, CIA402_VOLTAGE_MODE, CIA402_VOLTAGE_V, t->rig->supply_v},
+        /* in thousandths of the rated torque, which is whole N mm */
+        {"torque", 0x6071, 2, 10, 1e-6 * rint(1e3 * axis->current_limit_a * axis->bemf_v_s_rad),
+         1e300},
+        {"velocity", 0x60ff, 4, 9, CIA402_POSITION_RAD, 1e300},
+        {"position", 0x607a, 4, 8, CIA402_POSITION_RAD, 1e300},
+    };
+    static const unsigned off[] = {0, CIA402_CW_FAULT_RESET, 0};
+    static const unsigned on[] = {CIA402_CW_SHUTDOWN, CIA402_CW_SWITCH_ON_ONLY, CIA402_CW_ENABLE};
+    const char *joint = table_joint(t, axis);
+
+    for (int stage = 0; stage < 3; stage++) {
+        fprintf(t->out, "switch %s off %d %d %u|16@1+ %u\n", joint, stage, controls, 16 * k,
+                off[stage]);
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
+        const unsigned step = CIA402_AXIS_STEP * k;
+        int frame = voltages;
+
+        if (axis->valve && i == 1) {
+            continue;
+        }
+        table_put_switch(
+            t, joint, rows[i].quantity, 0,
+            cia402_put_write(t, board->address, CIA402_O_MODE + step, 1, rows[i].mode));
+        for (int stage = 0; stage < 3; stage++) {
+            fprintf(t->out, "switch %s %s %d %d %u|16@1+ %u\n", joint, rows[i].quantity, stage + 1,
+                    controls, 16 * k, on[stage]);
+        }
+        if (rows[i].index) {
+            frame = cia402_put_write(t, board->address, rows[i].index + step, rows[i].bytes, 0);
+        }
+        fprintf(t->out, "set %s %s %d %u|%u@1- %.17g 0 %.17g %.17g enabled\n", joint,
+                rows[i].quantity, frame, rows[i].index ? 32 : 16 * k, 8 * rows[i].bytes,
+                rows[i].scale, -rows[i].most, rows[i].most);
+    }
+    /* EMCY has the faults of one axis, or the end of all faults */
+    for (int gone = 0; gone < 2; gone++) {
+        table_put_head(t, "report", CIA402_EMCY + board->address, 0);
+        fprintf(t->out, " 8 1FFFFFFF %s 0000%02x%02x\n", gone ? "ffff0000" : "000000ff", 0,
+                gone ? 0 : k);
+        fprintf(t->out, "value %s faults %d 32|32@1+ 1 0\n", joint, t->reports++);
+    }
+}
+
+/* Writes the axes of a node. */
+static void cia402_put_board(struct client_table *t, const struct board_config *board,
+                             unsigned axes)
+{
+    struct bus_frame frame = {.id = CIA402_RPDO + board->address, .len = (uint8_t)(2 * axes)};
+    const int voltages = table_put_frame(t, &frame);
+
+    frame.id += 0x100;
+    table_put_frame(t, &frame);
+    for (unsigned k = 0; k < axes; k++) {
+        if (board->axis[k].joint >= 0) {
+            cia402_put_axis(t, board, k, voltages, voltages + 1);
+        }
+    }
+}
+
+/* ---- described protocols ---- */
+
+/* A frame of a protocol file to write for an axis. law: that of the set point, DESCRIBED_OFF =
+ * none. selected: the law to select; NULL = the file's. */
+struct described_letter {
+    const struct described_protocol *protocol;
+    const struct described_frame *row;
+    unsigned model; /* of the board, which scales fields */
+    unsigned number, parts, address, axis, slot;
+    enum described_law law;
+    const struct described_state *state, *selected;
+    bool blank; /* only the constants, for a message of the DBC */
+};
+
+/* Returns the count of a field with a set point of 0. */
+static int64_t letter_count(const struct described_letter *letter, const struct described_field *of)
+{
+    const struct described_field scaled =
+        described_model_field(letter->protocol, letter->model, of);
+    const struct described_field *field = &scaled;
+    const bool set = letter->law != DESCRIBED_OFF;
+
+    switch (letter->blank && field->meaning != DESCRIBED_CONSTANT ? DESCRIBED_COUNTER
+                                                                  : field->meaning) {
+    case DESCRIBED_CONSTANT:
+        return field->constant;
+    case DESCRIBED_SLOTS_MASK:
+        return INT64_C(1) << letter->slot;
+    case DESCRIBED_ADDRESS:
+        return letter->address;
+    case DESCRIBED_AXIS:
+        return letter->axis;
+    case DESCRIBED_STATE:
+        return letter->state->value;
+    case DESCRIBED_LAW:
+        return letter->selected ? letter->selected->value : described_count(field, field->host);
+    case DESCRIBED_TELEMETRY_PERIOD:
+        return described_count(field, 1e-3 * PERIOD_MS);
+    case DESCRIBED_TO_KP:
+        return described_count(field, !set || letter->law == DESCRIBED_POSITION ? field->host : 0);
+    case DESCRIBED_TO_KD:
+        return described_count(field, letter->law != DESCRIBED_TORQUE ? field->host : 0);
+    case DESCRIBED_COUNTER:
+    case DESCRIBED_SET_POINT:
+        return 0;
+    case DESCRIBED_TO_VOLTAGE:
+    case DESCRIBED_TO_CURRENT:
+    case DESCRIBED_TO_TORQUE:
+    case DESCRIBED_TO_VELOCITY:
+    case DESCRIBED_TO_POSITION:
+        return described_count(field, 0.0);
+    default:
+        return described_count(field, field->host);
+    }
+}
+
+/* Writes the place of a field in the repetition that begins at a byte. */
+static void described_put_place(const struct described_field *field, unsigned after, FILE *out)
+{
+    const unsigned bits = 64 - (unsigned)__builtin_clzll(field->mask);
+    const bool big = field->big_endian && !field->in_id;
+    /* from the most significant bit of byte 0 on */
+    const unsigned first = 8 * (field->byte + after) + 64 - field->shift - bits;
+
+    fprintf(out, " %u|%u@%d%c",
+            field->in_id ? 512u + field->shift
+            : big        ? first ^ 7
+                         : 8 * (field->byte + after) + field->shift,
+            bits, !big,
+            field->real   ? 'f'
+            : field->sign ? '-'
+                          : '+');
+}
+
+/* Writes a frame with its checksum and its counter. Returns its number. */
+static int described_put_frame(struct client_table *t, const struct described_letter *letter)
+{
+    const struct described_frame *row = letter->row;
+    struct bus_frame frame = {.id = described_id(row, letter->number), .flags = row->flags};
+    const int counter = (int)(row - t->rig->bus[t->bus].described->frame) * DESCRIBED_SLOTS;
+
+    for (unsigned part = 0; part < letter->parts; part++) {
+        for (size_t i = 0; i < row->nfield; i++) {
+            described_put(&row->field[i], letter_count(letter, &row->field[i]), part * row->length,
+                          &frame);
+        }
+    }
+    frame.len = row->remote ? 0 : described_length(row, letter->parts);
+    table_put_head(t, "frame", frame.id, frame.flags);
+    table_put_data(t, frame.data, frame.len);
+    fprintf(t->out, " %d %u %d", row->checksum, row->checksum_byte,
+            row->counter < 0 ? -1 : counter + (int)letter->number);
+    if (row->counter < 0) {
+        fputs(" " NO_FIELD, t->out);
+    } else {
+        described_put_place(&row->field[row->counter], 0, t->out);
+    }
+    fputc('\n', t->out);
+    return t->frames++;
+}
+
+/* Returns the number of a frame's identifier for an axis. */
+static unsigned letter_number(const struct described_letter *letter)
+{
+    const struct described_frame *row = letter->row;
+
+    return row->by == DESCRIBED_BY_ADDRESS ? letter->address
+           : row->by == DESCRIBED_BY_SLOT  ? letter->slot
+           : row->by == DESCRIBED_BY_GROUP ? letter->slot / row->repeats
+                                           : 0;
+}
+
+/* Writes a frame for an axis, or finds the one that it shares with other axes: of a group, or of
+ * the board. slots: axes of the bus. */
+static int described_share_frame(struct client_table *t, struct described_letter *letter,
+                                 unsigned slots)
+{
+    const struct described_protocol *p = t->rig->bus[t->bus].described;
+    const struct described_frame *row = letter->row;
+    const bool grouped = row->by == DESCRIBED_BY_GROUP;
+    int *shared;
+
+    letter->number = letter_number(letter);
+    letter->parts = 1;
+    if (!grouped && (row->of_one || p->axes == 1)) {
+        return described_put_frame(t, letter);
+    }
+    shared = &t->shared[grouped ? DESCRIBED_OFF : letter->law][row - p->frame][letter->number];
+    if (*shared < 0) {
+        if (grouped) {
+            const unsigned left = slots - letter->number * row->repeats;
+
+            letter->parts = left < row->repeats ? left : row->repeats;
+        }
+        *shared = described_put_frame(t, letter);
+    }
+    return *shared;
+}
+
+/* Returns the field with the set point of a law for an axis of a board; NULL = none. */
+static const struct described_field *described_find_target(const struct described_frame *row,
+                                                           enum described_law law, unsigned axis)
+{
+    for (size_t i = 0; row->from_host && i < row->nfield; i++) {
+        const struct described_field *field = &row->field[i];
+
+        if ((field->meaning == DESCRIBED_SET_POINT ||
+             field->meaning == described_law_target(law)) &&
+            (row->of_one || row->by == DESCRIBED_BY_GROUP || field->axis == axis)) {
+            return field;
+        }
+    }
+    return NULL;
+}
+
+/* Returns whether boards obey a frame under a law, which the frame itself or the host's start-up
+ * selects. selected: index of the law, -1 = the state has a law of its own. */
+static bool described_obeys(const struct described_protocol *p, const struct described_frame *row,
+                            int selected)
+{
+    bool selects = false;
+
+    if (selected < 0 || row->select >= 0) {
+        return selected < 0 || row->select == selected;
+    }
+    for (size_t i = 0; i < p->host.on.count; i++) {
+        selects =
+            selects || described_find_field(&p->frame[p->host.on.frame[i]], DESCRIBED_LAW) >= 0;
+    }
+    return (row->only < 0 || row->only == selected) &&
+           (selects || (p->host.law == DESCRIBED_SELECTED ? selected == 0
+                                                          : p->law[selected].law == p->host.law));
+}
+
+/* Returns the frame that commands a set point of a law: one of the host's, or else any. An
+ * impedance moves nothing by a position or a velocity whose gain is 0. selected: as in
+ * described_obeys. */
+static const struct described_frame *described_find_command(const struct described_protocol *p,
+                                                            enum described_law law, unsigned axis,
+                                                            bool impedance, int selected)
+{
+    const enum described_meaning gain = law == DESCRIBED_POSITION   ? DESCRIBED_TO_KP
+                                        : law == DESCRIBED_VELOCITY ? DESCRIBED_TO_KD
+                                                                    : DESCRIBED_NOTHING;
+
+    for (size_t i = 0; i < p->host.command.count + p->nframe; i++) {
+        const struct described_frame *row = i < p->host.command.count
+                                                ? &p->frame[p->host.command.frame[i]]
+                                                : &p->frame[i - p->host.command.count];
+        const int field = gain ? described_find_field(row, gain) : -1;
+
+        if (described_find_target(row, law, axis) && described_obeys(p, row, selected) &&
+            !(impedance && field >= 0 && !(fabs(row->field[field].host) > 0.0))) {
+            return row;
+        }
+    }
+    return NULL;
+}
+
+/* Finds the state, and the law to select in it, in which an axis takes set points of a law. Returns
+ * the frame that commands them; NULL = none. */
+static const struct described_frame *described_find_state_of(const struct described_protocol *p,
+                                                             struct described_letter *letter)
+{
+    bool told = false;
+
+    for (size_t i = 0; i < p->host.on.count; i++) {
+        told = told || described_find_field(&p->frame[p->host.on.frame[i]], DESCRIBED_STATE) >= 0;
+    }
+    for (size_t i = 0; i < p->nstate; i++) {
+        const struct described_state *state = &p->state[i];
+        const bool selects = state->law == DESCRIBED_SELECTED;
+
+        for (size_t k = 0; k < (selects ? p->nlaw : 1) && (told || (int)i == p->host.on_state);
+             k++) {
+            const enum described_law law = selects ? p->law[k].law : state->law;
+            const bool impedance = law == DESCRIBED_IMPEDANCE && letter->law >= DESCRIBED_TORQUE;
+
+            if (law == letter->law || impedance) {
+                letter->state = state;
+                letter->selected = selects ? &p->law[k] : NULL;
+                letter->row = described_find_command(p, letter->law, letter->axis, impedance,
+                                                     selects ? (int)k : -1);
+                if (letter->row) {
+                    return letter->row;
+                }
+            }
+        }
+    }
+    return NULL;
+}
+
+/* Writes the frames that switch an axis for set points of a law, or off. */
+static void described_put_switch(struct client_table *t, const char *joint,
+                                 struct described_letter letter, unsigned slots)
+{
+    const struct described_protocol *p = t->rig->bus[t->bus].described;
+    const bool on = letter.law != DESCRIBED_OFF;
+    const struct described_list *list = on ? &p->host.on : &p->host.off;
+
+    for (size_t i = 0; i < list->count; i++) {
+        int frame, field;
+
+        letter.row = &p->frame[list->frame[i]];
+        if (on && letter.row->commands) {
+            continue; /* the set point itself switches the axis on */
+        }
+        frame = described_share_frame(t, &letter, slots);
+        field = described_find_field(letter.row, DESCRIBED_STATE);
+        /* In a frame for the axes of a board, only the state of this axis changes */
+        while (field >= 0 && !letter.row->of_one && (size_t)field < letter.row->nfield &&
+               (letter.row->field[field].meaning != DESCRIBED_STATE ||
+                letter.row->field[field].axis != letter.axis)) {
+            field++;
+        }
+        if (field >= 0 && (size_t)field < letter.row->nfield) {
+            fprintf(t->out, "switch %s %s 0 %d", joint, on ? described_law_word(letter.law) : "off",
+                    frame);
+            described_put_place(&letter.row->field[field], 0, t->out);
+            fprintf(t->out, " %" PRId64 "\n", letter.state->value);
+        } else {
+            table_put_switch(t, joint, on ? described_law_word(letter.law) : "off", 0, frame);
+        }
+    }
+}
+
+/* Writes how an axis is switched and commanded. */
+static void described_put_axis(struct client_table *t, const char *joint,
+                               const struct board_config *board, unsigned axis, unsigned slot,
+                               unsigned slots)
+{
+    const struct described_protocol *p = t->rig->bus[t->bus].described;
+    const enum described_law usual = p->state[p->host.on_state].law;
+    struct described_letter letter = {.protocol = p,
+                                      .model = board->model,
+                                      .address = board->address,
+                                      .axis = axis,
+                                      .slot = slot,
+                                      .state = &p->state[p->host.off_state]};
+
+    described_put_switch(t, joint, letter, slots);
+    for (int i = 0; i <= DESCRIBED_POSITION; i++) {
+        const struct described_field *field;
+        struct described_field scaled;
+        unsigned after;
+        double scale, most;
+        int frame;
+
+        /* The usual law first */
+        letter.law = i == 0 ? usual : (enum described_law)i;
+        if ((i > 0 && letter.law == usual) || letter.law < DESCRIBED_VOLTAGE ||
+            letter.law > DESCRIBED_POSITION || !described_find_state_of(p, &letter)) {
+            continue;
+        }
+        field = described_find_target(letter.row, letter.law, axis);
+        after = letter.row->by == DESCRIBED_BY_GROUP
+                    ? slot % letter.row->repeats * letter.row->length
+                    : 0;
+        scaled = described_model_field(p, board->model, field);
+        scale =
+            field->meaning == DESCRIBED_SET_POINT ? letter.state->set_point_scale : scaled.scale;
+        most = letter.law == DESCRIBED_VOLTAGE ? t->rig->supply_v : 1e300;
+        frame = described_share_frame(t, &letter, slots);
+        fprintf(t->out, "set %s %s %d", joint, described_law_word(letter.law), frame);
+        described_put_place(field, after, t->out);
+        fprintf(t->out, " %.17g %.17g %.17g %.17g %s\n", scale,
+                field->meaning == DESCRIBED_SET_POINT ? 0.0 : scaled.offset, -most, most,
+                letter.state->name);
+        described_put_switch(t, joint, letter, slots);
+    }
+}
+
+/* Returns the quantity of a client that a field reports; NULL = none. */
+static const char *described_find_quantity(const struct described_protocol *p,
+                                           enum described_meaning meaning)
+{
+    switch (meaning) {
+    case DESCRIBED_MOTOR_POSITION:
+    case DESCRIBED_DEFLECTION:
+    case DESCRIBED_MOTOR_VELOCITY:
+    case DESCRIBED_AXIS_CURRENT:
+    case DESCRIBED_AXIS_TORQUE:
+    case DESCRIBED_FAULTS:
+        return described_meaning_name(meaning, false);
+    case DESCRIBED_LINK_POSITION:
+        return "position";
+    case DESCRIBED_DRIVE_TORQUE:
+        return p->tells[DESCRIBED_AXIS_TORQUE] ? NULL : "torque";
+    case DESCRIBED_STATE:
+        return "mode";
+    default:
+        return NULL;
+    }
+}
+
+/* Writes a report of a board, or of an axis: the parts of data that identify it. */
+static void described_put_report(struct client_table *t, const struct described_letter *letter)
+{
+    const struct described_frame *row = letter->row;
+    struct bus_frame value = {.len = row->length}, mask = {.len = row->length};
+
+    value.id = described_id(row, letter->number);
+    for (size_t i = 0; i < row->nfield; i++) {
+        struct described_field field = row->field[i];
+
+        if (field.meaning == DESCRIBED_CONSTANT || field.meaning == DESCRIBED_ADDRESS ||
+            field.meaning == DESCRIBED_AXIS) {
+            described_put(&field, letter_count(letter, &field), 0, &value);
+            field.low = INT64_MIN;
+            field.high = INT64_MAX;
+            described_put(&field, -1, 0, &mask);
+        }
+    }
+    table_put_head(t, "report", value.id, row->flags);
+    fprintf(t->out, " %u %" PRIX32, row->length, (~row->mask & 0x1fffffff) | mask.id);
+    table_put_data(t, mask.data, mask.len);
+    table_put_data(t, value.data, value.len);
+    fputc('\n', t->out);
+    t->reports++;
+}
+
+/* The axes of a described bus, by slot. */
+struct described_axes {
+    unsigned count;
+    const struct board_config *board[DESCRIBED_SLOTS];
+    unsigned axis[DESCRIBED_SLOTS];
+};
+
+/* Writes a frame that an axis reports, in its first part or in a later one. */
+static void described_put_values(struct client_table *t, const struct described_axes *axes,
+                                 const struct described_frame *row, unsigned slot)
+{
+    const struct board_config *board = axes->board[slot];
+    const struct described_protocol *p = t->rig->bus[t->bus].described;
+    const struct described_letter letter = {.protocol = p,
+                                            .row = row,
+                                            .model = board->model,
+                                            .address = board->address,
+                                            .axis = axes->axis[slot],
+                                            .slot = slot};
+    const bool grouped = row->by == DESCRIBED_BY_GROUP;
+    const bool of_axis =
+        row->by == DESCRIBED_BY_SLOT || described_find_field(row, DESCRIBED_AXIS) >= 0;
+    const unsigned first = grouped ? slot % row->repeats : of_axis ? 0 : axes->axis[slot];
+    struct described_letter named = letter;
+
+    named.number = letter_number(&letter);
+    /* One report for all axes of a group or of a board */
+    if (of_axis || first == 0) {
+        described_put_report(t, &named);
+    }
+    for (size_t i = 0; i < row->nfield; i++) {
+        const struct described_field scaled =
+            described_model_field(p, board->model, &row->field[i]);
+        const struct described_field *field = &scaled;
+        const char *quantity = described_find_quantity(p, field->meaning);
+        const bool repeated = row->repeats > 1;
+
+        if (quantity && board->axis[axes->axis[slot]].joint >= 0 &&
+            (of_axis || repeated || field->axis == first)) {
+            fprintf(t->out, "value %s %s %d", table_joint(t, &board->axis[axes->axis[slot]]),
+                    quantity, t->reports - 1);
+            described_put_place(field, repeated ? first * row->length : 0, t->out);
+            fprintf(t->out, " %.17g %.17g\n",
+                    field->meaning == DESCRIBED_FAULTS || field->meaning == DESCRIBED_STATE
+                        ? 1.0
+                        : field->scale,
+                    field->offset);
+        }
+    }
+}
+
+/* Writes the constants, the checksum and the counter of each message of the DBC that has them. */
+static void described_put_blanks(struct client_table *t, const struct described_axes *axes,
+                                 const struct described_frame *row)
+{
+    uint32_t written = 0;
+
+    for (unsigned slot = 0; slot < axes->count && row->nconstant < row->nfield; slot++) {
+        struct described_letter letter = {.protocol = t->rig->bus[t->bus].described,
+                                          .row = row,
+                                          .model = axes->board[slot]->model,
+                                          .parts = 1,
+                                          .address = axes->board[slot]->address,
+                                          .slot = slot,
+                                          .blank = true};
+
+        letter.number = letter_number(&letter);
+        if ((row->checksum || row->counter >= 0 || row->nconstant > 0) &&
+            !(written >> letter.number & 1)) {
+            written |= UINT32_C(1) << letter.number;
+            described_put_frame(t, &letter);
+        }
+    }
+}
+
+/* Writes the frames that a force-torque board reports. */
+static void described_put_sensor(struct client_table *t, const struct board_config *board)
+{
+    const struct described_protocol *p = t->rig->bus[t->bus].described;
+
+    for (const struct described_frame *row = p->frame; row < p->frame + p->nframe; row++) {
+        struct described_letter letter = {
+            .protocol = p, .row = row, .model = board->model, .address = board->address};
+        bool written = false;
+
+        letter.number = letter_number(&letter);
+        for (size_t i = 0; !row->from_host && row->of & DESCRIBED_FT && i < row->nfield; i++) {
+            const struct described_field *field = &row->field[i];
+            const unsigned channel = field->meaning - DESCRIBED_FT_CHANNEL;
+
+            if (channel >= ARRAY_COUNT(components)) {
+                continue;
+            }
+            if (!written) {
+                described_put_report(t, &letter);
+                written = true;
+            }
+            fprintf(t->out, "value %s %s %d", t->rig->robot->ft[board->ft].name,
+                    components[channel], t->reports - 1);
+            described_put_place(field, 0, t->out);
+            fprintf(t->out, " %.17g %.17g\n", field->scale, field->offset);
+        }
+    }
+}
+
+/* Writes the axes of a bus whose protocol a file describes. */
+static void described_put_bus(struct client_table *t)
+{
+    const struct described_protocol *p = t->rig->bus[t->bus].described;
+    struct described_axes axes = {.count = 0};
+
+    memset(t->shared, -1, sizeof t->shared);
+    for (size_t i = 0; i < t->rig->boards.nboard; i++) {
+        const struct board_config *board = &t->rig->boards.board[i];
+
+        if (board->bus == (int)t->bus && board->kind == BOARD_FT) {
+            described_put_sensor(t, board);
+        }
+        for (unsigned k = 0; board->bus == (int)t->bus && board->kind == BOARD_MOTOR &&
+                             k < p->axes && board->axis[k].joint >= 0;
+             k++) {
+            axes.board[axes.count] = board;
+            axes.axis[axes.count++] = k;
+        }
+    }
+    for (size_t i = 0; i < p->nstate; i++) {
+        if (p->state[i].law != DESCRIBED_REFUSED) {
+            fprintf(t->out, "name %" PRId64 " %s\n", p->state[i].value, p->state[i].name);
+        }
+    }
+    for (size_t i = 0; i < p->nframe; i++) {
+        if (p->frame[i].from_host && !p->frame[i].remote && p->frame[i].repeats <= 1) {
+            described_put_blanks(t, &axes, &p->frame[i]);
+        }
+    }
+    for (unsigned slot = 0; slot < axes.count; slot++) {
+        described_put_axis(t, table_joint(t, &axes.board[slot]->axis[axes.axis[slot]]),
+                           axes.board[slot], axes.axis[slot], slot, axes.count);
+    }
+    for (size_t i = 0; i < p->nframe; i++) {
+        for (unsigned slot = 0; !p->frame[i].from_host && p->frame[i].of & DESCRIBED_MOTOR &&
+                                p->frame[i].nread > 0 && slot < axes.count;
+             slot++) {
+            described_put_values(t, &axes, &p->frame[i], slot);
+        }
+    }
+}
+
+/* ---- the rig ---- */
+
+/* Writes how the joints of a bus are commanded. */
+static void table_put_joints(struct client_table *t)
+{
+    const struct protocol *protocol = t->rig->bus[t->bus].protocol;
+    int targets = -1;
+
+    for (size_t i = 0; i < t->rig->boards.nboard; i++) {
+        const struct board_config *board = &t->rig->boards.board[i];
+        unsigned axes = BOARD_AXES_MAX;
+
         while (axes > 0 && board->axis[axes - 1].joint < 0) {
             axes--;
         }
-        fprintf(out, "%s{\"address\": %d, \"model\": %d, \"of\": %d, \"joints\": [", separator,
-                board->address, board->model,
-                board->kind == BOARD_MOTOR      ? DESCRIBED_MOTOR
-                : board->kind == BOARD_INERTIAL ? DESCRIBED_INERTIAL
-                                                : DESCRIBED_FT);
-        for (unsigned k = 0; k < axes; k++) {
-            char name[JSON_TEXT_ROOM(128)] = "null", cut[129];
-            const int joint = board->axis[k].joint;
-
-            if (joint >= 0) {
-                snprintf(cut, sizeof cut, "%s", rig->robot->joint[joint].name);
-                name[json_text_quote(cut, name)] = '\0';
-            }
-            fprintf(out, "%s%s", k ? ", " : "", name);
+        if (board->bus != (int)t->bus || board->kind != BOARD_MOTOR) {
+            continue;
         }
-        fputs("]}", out);
-        separator = ", ";
+        if (!strcmp(protocol->name, "cia402")) {
+            cia402_put_board(t, board, axes);
+        }
+        for (unsigned k = 0; k < axes; k++) {
+            if (board->axis[k].joint < 0) {
+                continue;
+            }
+            if (!strcmp(protocol->name, "moteus")) {
+                moteus_put_axis(t, table_joint(t, &board->axis[k]), board->address);
+            } else if (!strcmp(protocol->name, "foc")) {
+                foc_put_axis(t, table_joint(t, &board->axis[k]), &targets);
+            } else if (!strcmp(protocol->name, "icub")) {
+                icub_put_axis(t, table_joint(t, &board->axis[k]));
+            }
+        }
     }
-    fputs("],\n ", out);
+    if (!strcmp(protocol->name, "cia402")) {
+        const struct bus_frame sync = {.id = CIA402_SYNC};
+
+        cia402_put_names(t);
+        fprintf(t->out, "cycle %d -\n", table_put_frame(t, &sync));
+    }
 }
 
-void rig_client_table(const struct rig *rig, size_t bus, FILE *out)
+/* Writes the messages of a bus with their signals. */
+static void table_put_messages(const struct client_table *t)
 {
-    const struct described_protocol *p = rig->bus[bus].described;
+    fprintf(t->out, "messages %s\n", t->rig->bus[t->bus].name);
+    for (const struct dbc_message *m = t->dbc->message; m; m = m->next) {
+        table_put_head(t, "message", m->id & ~DBC_EXTENDED,
+                       (m->id & DBC_EXTENDED ? FRAME_EXTENDED : 0) | (m->fd ? FRAME_FD : 0));
+        fprintf(t->out, " %u %s\n", m->length, dbc_whole_name(m->name, m->long_name));
+        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
+            fprintf(t->out, "signal");
+            signal_put_place(s, t->out);
+            fprintf(t->out, " %.17g %.17g %d %u %s\n", s->scale, s->offset,
+                    s->role == DBC_PLAIN         ? -1
+                    : s->role == DBC_MULTIPLEXOR ? -2
+                                                 : (int)s->selector,
+                    s->frame_length ? s->frame_length : m->length,
+                    dbc_whole_name(s->name, s->long_name));
+        }
+    }
+}
 
-    if (!p) {
-        fputs("null\n", out);
-        return;
+/* Writes the rows of a bus. */
+static enum error_code table_put_bus(struct client_table *t, struct host *host, struct arena *arena,
+                                     struct error *error)
+{
+    const struct rig_bus *bus = &t->rig->bus[t->bus];
+    const struct loop_lockstep *lockstep = &t->rig->lockstep;
+    struct dbc *dbc;
+    enum error_code code = rig_dbc(t->rig, t->bus, arena, &dbc, error);
+    int64_t restart_ns = 0;
+
+    if (code) {
+        return code;
     }
-    fprintf(out, "{\"protocol\": \"%s\", \"on_state\": %d, \"off_state\": %d, \"clears\": %d,\n ",
-            p->name, p->host.on_state, p->host.off_state, p->clears);
-    table_put_states("states", p->state, p->nstate, out);
-    table_put_states("laws", p->law, p->nlaw, out);
-    table_put_list("discover", &p->host.discover, out);
-    table_put_list("configure", &p->host.configure, out);
-    table_put_list("off", &p->host.off, out);
-    table_put_list("on", &p->host.on, out);
-    table_put_list("command", &p->host.command, out);
-    table_put_boards(rig, bus, out);
-    fputs("\"frames\": [", out);
-    for (size_t i = 0; i < p->nframe; i++) {
-        fputs(i ? ",\n  " : "\n  ", out);
-        table_put_frame(p, &p->frame[i], out);
+    t->dbc = dbc;
+    t->frames = t->reports = 0;
+    for (size_t i = 0; i < t->rig->boards.nboard; i++) {
+        const struct board_config *board = &t->rig->boards.board[i];
+
+        if (board->bus == (int)t->bus && board->restart_ns > restart_ns) {
+            restart_ns = board->restart_ns;
+        }
     }
-    fputs("]}\n", out);
+    fprintf(t->out, "bus %s %s %s %" PRIx32 " %" PRIx32 " %d\n", bus->name, bus->interface,
+            bus->protocol->needs_file ? bus->described->name : bus->protocol->name,
+            lockstep->bus == (int)t->bus ? lockstep->step_id : UINT32_MAX, lockstep->done_id,
+            !bus->described && strcmp(bus->protocol->name, "icub") != 0);
+    host_visit_start_up(host, t->bus,
+                        (unsigned)(restart_ns / t->rig->tick_ns + RESTART_TICKS) / STAGE_TICKS,
+                        table_visit_start_up, t);
+    table_put_joints(t);
+    if (bus->described) {
+        described_put_bus(t);
+    } else {
+        table_put_signals(t);
+    }
+    table_put_messages(t);
+    return ERROR_NONE;
+}
+
+enum error_code rig_client_table(const struct rig *rig, FILE *out, struct error *error)
+{
+    struct host_config config = rig_host_config(rig, NULL, false);
+    struct client_table t = {.rig = rig, .out = out};
+    struct arena arena;
+    struct host *host = NULL;
+    enum error_code code = arena_init(&arena, ARENA_SIZE, error);
+
+    config.period_ns = INT64_C(1000000) * PERIOD_MS;
+    code = code ? code : host_create(&config, &arena, &host, error);
+    fprintf(out, "rig %s\n", rig->name);
+    for (size_t i = 0; i < rig->naxis; i++) {
+        fprintf(out, "joint %s %s\n", rig->axis[i].joint, rig->bus[rig->axis[i].bus].name);
+    }
+    for (size_t i = 0; i < rig->nft; i++) {
+        fprintf(out, "sensor %s %s\n", rig->ft[i].name, rig->bus[rig->ft[i].bus].name);
+    }
+    for (; t.bus < rig->nbus && !code; t.bus++) {
+        code = table_put_bus(&t, host, &arena, error);
+    }
+    arena_fini(&arena);
+    return code;
 }

@@ -1,11 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Creates the parts of a simulator from its configuration; each part uses earlier ones. */
 #include "base/array.h"
+#include "base/memory_file.h"
 #include "base/ring.h"
 #include "canbus/replay_port.h"
 #include "model/symbolic/symbolic.h"
+#include "rig/client_table.h"
 #include "rig/rig.h"
 #include "sim/simulator_private.h"
+
+#include <inttypes.h>
+#include <limits.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { TOLD_ROWS = 1000 }; /* rows of the client table in one answer of the gateway */
 
 /* Checks that the rig fits the status, that rows fall on ticks, and that an energy account is
  * possible. */
@@ -408,12 +417,67 @@ static enum error_code simulator_create_requests(struct simulator *simulator, st
                : ERROR_NONE;
 }
 
+/* Returns what the gateway tells its clients: a part of the client table, by number, or the number
+ * of commands that boards have dropped and the last reason. */
+static const char *simulator_tell(void *context, const char *word, size_t *size)
+{
+    struct simulator *simulator = context;
+    const char *text = simulator->client_table.text, *end;
+    struct simulator_status now;
+    unsigned long skip;
+    char *rest;
+
+    if (!strcmp(word, "dropped")) {
+        const bool begun = simulator->published && simulator_read(simulator, &now);
+
+        pthread_mutex_lock(&simulator->dropped.lock);
+        *size = (size_t)snprintf(
+            simulator->dropped.told, sizeof simulator->dropped.told, "%" PRIu64 " %s",
+            begun ? now.boards.unknown + now.boards.malformed : 0, simulator->dropped.reason);
+        pthread_mutex_unlock(&simulator->dropped.lock);
+        return simulator->dropped.told;
+    }
+    skip = strtoul(word, &rest, 10);
+    if (!text || *rest || skip > INT_MAX) {
+        return NULL;
+    }
+    for (skip *= TOLD_ROWS; skip > 0 && *text; skip--) {
+        text += strcspn(text, "\n") + 1;
+    }
+    end = text;
+    for (int row = 0; row < TOLD_ROWS && *end; row++) {
+        end += strcspn(end, "\n") + 1;
+    }
+    *size = (size_t)(end - text);
+    return text;
+}
+
+/* Writes the client table. A rig whose DBC files cannot be written has none. */
+static enum error_code simulator_write_table(struct simulator *simulator, struct error *error)
+{
+    FILE *out = memory_file_open(&simulator->client_table);
+    enum error_code code, closed;
+
+    if (!out) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the client table");
+    }
+    code = rig_client_table(simulator->config.rig, out, error);
+    closed = memory_file_close(out, &simulator->client_table, "the client table", error);
+    if (code && code != ERROR_MEMORY && !closed) {
+        free(simulator->client_table.text);
+        simulator->client_table.text = NULL;
+        code = ERROR_NONE;
+    }
+    return code ? code : closed;
+}
+
 /* Starts the gateway, which offers each bus of the rig by its name and by its interface's name. */
 static enum error_code simulator_create_gateway(struct simulator *simulator, struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
     struct gateway_bus bus[RIG_BUSES_MAX];
     struct gateway_config gateway;
+    enum error_code code;
 
     if (!config->gateway) {
         return ERROR_NONE;
@@ -426,7 +490,13 @@ static enum error_code simulator_create_gateway(struct simulator *simulator, str
             .bitrate = config->rig->bus[b].bitrate,
             .data_bitrate = config->rig->bus[b].fd ? config->rig->bus[b].data_bitrate : 0};
     }
+    code = simulator_write_table(simulator, error);
+    if (code) {
+        return code;
+    }
     gateway = *config->gateway;
+    gateway.tell = simulator_tell;
+    gateway.context = simulator;
     gateway.nbus = config->rig->nbus;
     gateway.bus = bus;
     gateway.lockstep = (struct gateway_lockstep){

@@ -148,6 +148,11 @@ static bool simulator_take_event(struct simulator *simulator, uint64_t *key, int
                              (grouped ? 0 : (uint64_t)board_event.bus << 8 | board_event.address));
         *time_ns = board_event.time_ns;
         board_event_format(simulator->boards, &board_event, text, size);
+        if (board_event.kind == BOARD_EVENT_UNKNOWN || board_event.kind == BOARD_EVENT_MALFORMED) {
+            pthread_mutex_lock(&simulator->dropped.lock);
+            snprintf(simulator->dropped.reason, sizeof simulator->dropped.reason, "%s", text);
+            pthread_mutex_unlock(&simulator->dropped.lock);
+        }
         return true;
     }
     if (simulator_next_clamped_trip(simulator, time_ns, text,

@@ -3,6 +3,7 @@
  * task runs in its own thread. assembly.c creates the parts. */
 #include "sim/simulator_private.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 enum error_code simulator_create(const struct simulator_config *config, struct arena *arena,
@@ -19,6 +20,7 @@ enum error_code simulator_create(const struct simulator_config *config, struct a
     simulator->config = *config;
     simulator->arena = arena;
     simulator->time = clock_monotonic();
+    pthread_mutex_init(&simulator->dropped.lock, NULL);
     code = simulator_assemble(simulator, notice, error);
     if (code) {
         simulator_destroy(simulator);
@@ -194,6 +196,7 @@ void simulator_destroy(struct simulator *simulator)
         simulator->contact->ops->destroy(simulator->contact);
     }
     requests_destroy(simulator->requests);
+    free(simulator->client_table.text);
 }
 
 /* ---- access ---- */

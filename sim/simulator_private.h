@@ -8,6 +8,7 @@
 #ifndef SIM_PRIVATE_H
 #define SIM_PRIVATE_H
 
+#include "base/memory_file.h"
 #include "model/dynamics.h"
 #include "rt/clock.h"
 #include "sim/external.h"
@@ -57,6 +58,12 @@ struct simulator {
     struct stimulus stimulus;
     int64_t stimulus_ns; /* replay receives recorded frames up to this virtual time */
     struct gateway *gateway;
+    struct memory_file client_table; /* what the gateway tells its clients */
+    struct {
+        pthread_mutex_t lock;
+        char reason[256]; /* event of the last command that a board dropped */
+        char told[300];
+    } dropped;
     size_t *transmit_max;
     struct simulator_bus listener[RIG_BUSES_MAX];
     int64_t advance_ns; /* end of the present tick, while the wires advance */

@@ -663,6 +663,28 @@ void host_listen(struct host *host, size_t bus, const struct bus_frame *frame, i
     host->line[bus].queued = 0; /* a passive host discards its answers */
 }
 
+void host_visit_start_up(struct host *host, size_t bus, unsigned restart_stages,
+                         void (*visit)(void *context, unsigned stage, const struct bus_frame *),
+                         void *context)
+{
+    struct host_line *line = &host->line[bus];
+    const unsigned first = line->ops->restarts ? restart_stages + 1 : 1;
+    struct host_request request;
+
+    line->ops->discover(host, bus);
+    for (size_t i = 0; i < line->queued; i++) {
+        visit(context, 0, &line->queue[i]);
+    }
+    line->queued = 0;
+    for (unsigned address = 0; address < HOST_ADDRESSES && line->ops->request; address++) {
+        for (int number = 0; line->node[address].kind != HOST_NO_BOARD &&
+                             line->ops->request(host, bus, address, number, &request);
+             number++) {
+            visit(context, first + (unsigned)number, &request.frame);
+        }
+    }
+}
+
 /* ---- commands ---- */
 
 void host_queue(struct host *host, size_t bus, const struct bus_frame *frame)

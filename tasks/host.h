@@ -79,6 +79,14 @@ enum host_phase host_start_up(struct host *host);
  * host time from a request of the start-up to its answer. 0 = no board answers requests. */
 int64_t host_round_trip_ns(const struct host *host);
 
+/* Visits the frames that discover and configure the boards of a bus, in the order of sending.
+ * Frames of one stage need no time between them. restart_stages: stages until boards answer that
+ * the discovery restarts. For a new host, whose ports may be NULL; it sends nothing. Not
+ * RT-safe. */
+void host_visit_start_up(struct host *host, size_t bus, unsigned restart_stages,
+                         void (*visit)(void *context, unsigned stage, const struct bus_frame *),
+                         void *context);
+
 /* Make a passive host, which listens on buses that another host commands. host_begin_listening
  * makes a new host passive: it sends nothing, and its ports may be NULL. The second function reads
  * a frame of any sender. */

@@ -441,6 +441,7 @@ static void host_cia402_end_period(struct host *host, size_t bus)
 }
 
 const struct host_ops host_cia402 = {
+    .restarts = true,
     .discover = host_cia402_discover,
     .request = host_cia402_request,
     .read = host_cia402_read_frame,

@@ -112,6 +112,7 @@ struct host_ops {
     /* boards report only the rotor's angle: the host computes the link's angle from the spring */
     bool rotor_only;
     bool torque_apart; /* motor boards report no torque; a separate torque board does */
+    bool restarts;     /* discovery restarts the boards */
     /* Queues the discovery request; answers set `found`. */
     void (*discover)(struct host *host, size_t bus);
     /* Makes request `number` (from 0) of a board. Returns false if there are no more. NULL =

@@ -63,28 +63,23 @@ static enum error_code export_bus(const struct rig *rig, size_t bus, const char 
 
 /* ---- the command ---- */
 
-/* Writes the table of a bus for client programs to RIG-BUS.json in a folder, if the protocol has a
- * table. */
-static enum error_code export_table(const struct rig *rig, size_t bus, const char *folder,
-                                    struct error *error)
+/* Writes the client table to RIG.joints in a folder. */
+static enum error_code export_table(const struct rig *rig, const char *folder, struct error *error)
 {
     char path[PATH_SIZE];
     struct whole_file file;
     enum error_code code;
 
-    if (!rig->bus[bus].described) {
-        return ERROR_NONE;
-    }
-    snprintf(path, sizeof path, "%s/%s-%s.json", folder, rig->name, rig->bus[bus].name);
+    snprintf(path, sizeof path, "%s/%s.joints", folder, rig->name);
     code = whole_file_open(&file, path, error);
     if (code) {
         return code;
     }
-    rig_client_table(rig, bus, file.out);
-    return whole_file_close(&file, ERROR_NONE, error);
+    code = rig_client_table(rig, file.out, error);
+    return whole_file_close(&file, code, error);
 }
 
-/* Writes the DBC of each bus to RIG-BUS.dbc in a folder, and its table for client programs. */
+/* Writes the DBC of each bus to RIG-BUS.dbc in a folder, and the client table. */
 static enum error_code export_all(const struct rig *rig, const char *folder, struct arena *arena,
                                   struct error *error)
 {
@@ -97,12 +92,11 @@ static enum error_code export_all(const struct rig *rig, const char *folder, str
             return error_set(error, ERROR_INPUT, "--output: the folder's name is too long");
         }
         code = export_bus(rig, i, path, arena, error);
-        code = code ? code : export_table(rig, i, folder, error);
         if (code) {
             return code;
         }
     }
-    return ERROR_NONE;
+    return export_table(rig, folder, error);
 }
 
 struct dbc_options {

@@ -3,10 +3,8 @@
  * The program under test: bends the left elbow by half a radian in half a second and holds it. When
  * the elbow stands still under a large current for 50 ms, the program switches the motor off.
  *
- *     controller TABLES
- *
- * TABLES is the folder that `coman-hil dbc rig.yaml -o TABLES` wrote. `coman-hil test --program`
- * sets COMAN_HIL_GATEWAY to HOST:PORT of the simulator and ends the program with the run.
+ * `coman-hil test --program` sets COMAN_HIL_GATEWAY to HOST:PORT of the simulator and ends the
+ * program with the run.
  */
 #include <coman_hil_client.h>
 
@@ -63,18 +61,17 @@ static enum hil_client_code control(struct hil_client *client)
     return hil_client_enable(client, &name, 1, HIL_CLIENT_OFF);
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
     const char *gateway = getenv("COMAN_HIL_GATEWAY");
     const char *port = gateway ? strrchr(gateway, ':') : NULL;
 
-    if (argc != 2 || !port) {
-        fprintf(stderr, "usage: COMAN_HIL_GATEWAY=127.0.0.1:PORT controller TABLES\n");
+    if (!port) {
+        fprintf(stderr, "usage: COMAN_HIL_GATEWAY=127.0.0.1:PORT controller\n");
         return 2;
     }
 
-    const struct hil_client_options options = {
-        .tables = argv[1], .port = (uint16_t)atoi(port + 1), .lockstep = true};
+    const struct hil_client_options options = {.port = (uint16_t)atoi(port + 1), .lockstep = true};
     struct hil_client client;
     enum hil_client_code code = hil_client_open(&client, &options);
 

@@ -4,11 +4,11 @@
  * says what they do. `make` builds it with the installed library, `make COPY=FOLDER` with a copy of
  * the library's two files.
  *
- *     elbow TABLES READY [JOINT...]
+ *     elbow READY [JOINT...]
  *
- * TABLES: the folder that `coman-hil dbc RIG -o TABLES` wrote into. READY: the file that
- * `coman-hil run RIG --transport local --clock lockstep --gateway 0 --ready READY` writes. JOINT:
- * LElbj unless others are named. With "-" for READY the buses are the rig's SocketCAN interfaces.
+ * READY: the file that `coman-hil run RIG --transport local --clock lockstep --gateway 0 --ready
+ * READY` writes. With RIG.joints of `coman-hil dbc RIG -o FOLDER` instead, the buses are the rig's
+ * SocketCAN interfaces. JOINT: LElbj unless others are named.
  */
 #include <coman_hil_client.h>
 
@@ -103,17 +103,18 @@ int main(int argc, char **argv)
     struct hil_client client;
     enum hil_client_code code;
 
-    if (argc < 3 || argc > 3 + JOINTS_MAX) {
-        fprintf(stderr, "usage: elbow TABLES READY [JOINT...]\n");
+    if (argc < 2 || argc > 2 + JOINTS_MAX) {
+        fprintf(stderr, "usage: elbow READY [JOINT...]\n");
         return 2;
     }
-    for (int i = 3; i < argc; i++) {
-        tasks[i - 3].name = argv[i];
-        count = (size_t)i - 2;
+    for (int i = 2; i < argc; i++) {
+        tasks[i - 2].name = argv[i];
+        count = (size_t)i - 1;
     }
 
+    const bool is_table = strstr(argv[1], ".joints");
     const struct hil_client_options options = {
-        .tables = argv[1], .ready = strcmp(argv[2], "-") ? argv[2] : NULL, .lockstep = true};
+        .table = argv[1], .ready = is_table ? NULL : argv[1], .lockstep = true};
 
     code = hil_client_open(&client, &options);
     code = code ? code : begin(&client, tasks, count);

@@ -11,7 +11,6 @@
 Units are in the names: _rad, _v, _a, _nm, _s. Signals of frames have those of the DBC.
 coman_hil.pytest is a plugin for pytest.
 """
-from .boards import FocMotor
 from .control import Control
 from .database import Bus, Database, Message, Signal
 from .errors import (BoardError, ControlError, GatewayError, NoTelemetry, ProgramNotFound,
@@ -22,7 +21,7 @@ from .robot import ForceSensor, Joint
 from .simulator import Simulator
 
 __all__ = [
-    "BoardError", "Bus", "Control", "ControlError", "Database", "FocMotor", "ForceSensor",
+    "BoardError", "Bus", "Control", "ControlError", "Database", "ForceSensor",
     "GatewayBus", "GatewayError", "Joint", "Message", "NoTelemetry", "ProgramNotFound", "RigError",
     "Signal", "Simulator", "SimulatorDied", "SimulatorError", "SimulatorStopped",
     "SimulatorTimeout", "UnknownName",

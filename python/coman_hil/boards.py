@@ -1,472 +1,382 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controller's side of the boards' protocols, a class each: how boards are made to report, to
-switch their motors on and to take set points. What a count is worth stands in the DBC
-(database.py); here stands which messages to send, and in which order. described.py has the
-protocols of files."""
+"""The boards of a bus as the client table of the run describes them (rig/client_table.h): how they
+are made to report, to switch their motors on and to take set points, and what they report. No
+protocol is known here."""
 from __future__ import annotations
 
 import math
-import re
 import struct
-from dataclasses import dataclass
-from typing import Any, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Iterable, Mapping, Sequence
 
-from .database import HOST, Bus, Message, Signal
-from .errors import BoardError
 from .gateway import RawFrame
 
 # a set point: "voltage" (V), "current" (A), "torque" (N m), "velocity" (rad/s), "position" (rad)
 Point = tuple
-
-PROTOCOL_OF_HOSTS = (1, 6)      # of iCub: what hosts say that they speak
-LIST = re.compile(r"^address \d+, motors (.*)$")
-
-
-@dataclass(frozen=True)
-class FocMotor:
-    """What 2FOC boards must be told before they obey: encoder, currents, and the law that limits
-    the current (counts; kp and ki are divided by 2**shift). The defaults suit COMAN's motors."""
-
-    encoder_ticks_per_rev: int = 4096
-    poles: int = 8
-    nominal_a: float = 12.0
-    peak_a: float = 18.0
-    overload_a: float = 24.0
-    current_kp: int = 146
-    current_ki: int = 227
-    current_shift: int = 15
+ID_BYTE = 64                    # place of the identifier behind the data
+SIZE = ID_BYTE + 4
+WORDS = {"rig": 2, "joint": 3, "sensor": 3, "bus": 7, "name": 3, "frame": 8, "setup": 3, "cycle": 3,
+         "switch": 7, "set": 10, "ask": 4, "report": 7, "value": 7}
 
 
-def frame_text(message: Message, data: bytes) -> str:
-    """What the gateway is told to send a frame; FD frames go with the fast rate."""
-    words = f"fdsend {message.word} 1" if message.fd else f"send {message.word}"
-    return f"< {words} {len(data)} {data.hex(' ')} {message.bus} >".replace("  ", " ")
+def checksum(kind: int, data: bytes, skip: int) -> int:
+    """The exclusive or (1), or CRC-8 SAE J1850 (2), of all bytes but one."""
+    total = 0xff if kind == 2 else 0
+    for at, byte in enumerate(data):
+        if at == skip:
+            continue
+        total ^= byte
+        for _ in range(8 if kind == 2 else 0):
+            total = (total << 1 ^ (0x1d if total & 0x80 else 0)) & 0xff
+    return total ^ 0xff if kind == 2 else total
 
 
-def axes_of(bus: Bus, board: str) -> list[str]:
-    """The joints of a motor board; none for the others."""
-    found = LIST.match(bus.boards[board])
-    return found[1].split() if found else []
+class Field:
+    """A number in a frame, START|BITS@ORDER: value = count * scale + offset."""
+
+    def __init__(self, text: str, scale: str = "1", offset: str = "0") -> None:
+        start, rest = text.split("|")
+        self.bits, order = int(rest[:-3]), rest[-2:]
+        self.little, self.signed, self.floating = order[0] == "1", order[1] == "-", order[1] == "f"
+        self.scale, self.offset = float(scale), float(offset)
+        first = int(start)
+        self.shift = first if self.little else 8 * SIZE - (first ^ 7) - self.bits
+        end = (first + self.bits + 7) // 8 if self.little else ((first ^ 7) + self.bits + 7) // 8
+        self.end = end if first < 8 * ID_BYTE else 0    # the bytes of a frame that has it
+        self.mask = self.place((1 << self.bits) - 1)
+
+    def place(self, bits: int) -> int:
+        """The bits where they belong in an image, which is little-endian."""
+        placed = bits << self.shift
+        return placed if self.little else int.from_bytes(placed.to_bytes(SIZE, "big"), "little")
+
+    def count(self, image: bytes) -> int:
+        whole = int.from_bytes(image, "little" if self.little else "big")
+        raw = whole >> self.shift & (1 << self.bits) - 1
+        return raw - (1 << self.bits) if self.signed and raw >> self.bits - 1 else raw
+
+    def value(self, image: bytes) -> float:
+        raw = self.count(image)
+        if self.floating:
+            raw = struct.unpack("<f", struct.pack("<I", raw))[0]
+        return raw * self.scale + self.offset
+
+    def encode(self, value: float) -> int:
+        """The bits for a value, which is limited to what fits."""
+        scaled = (value - self.offset) / self.scale
+        if self.floating:
+            return struct.unpack("<I", struct.pack("<f", scaled))[0]
+        low = -(1 << self.bits - 1) if self.signed else 0
+        high = low + (1 << self.bits) - 1
+        return round(max(low, min(high, scaled))) & (1 << self.bits) - 1
 
 
+@dataclass(eq=False)
+class Frame:
+    """A frame from the host. image: its data and its identifier."""
+
+    word: str
+    kind: str
+    length: int
+    image: int
+    checksum: int
+    checksum_byte: int
+    counter: int
+    count_field: Field
+
+    def put(self, where: Field, bits: int) -> None:
+        self.image = self.image & ~where.mask | where.place(bits)
+
+
+@dataclass(eq=False)
+class Report:
+    """A frame from a board. image: the last one; length: of its data; number: of its arrival, 0 =
+    none has come."""
+
+    identifier: int
+    extended: bool
+    shortest: int
+    id_mask: int
+    mask: int
+    value: int
+    image: bytes = b""
+    length: int = 0
+    number: int = 0
+
+
+@dataclass
+class Row:
+    """A row about a frame of a joint."""
+
+    joint: str
+    quantity: str
+    frame: Frame
+    stage: int = 0
+    field: Field | None = None
+    count: int = 0
+    low: float = 0.0
+    high: float = 0.0
+    mode: str = ""
+
+
+@dataclass
 class Boards:
-    """The motor boards of a bus and the sensors beside them.
+    """The boards of a bus.
 
-    joints: of the bus, in the order of the rig. quantities: what their motors can be commanded
-    with, the usual one first. refresh_ticks: how often set-points are wanted, None = it is the
-    user's choice. cyclic: set_points is called in every step, also without a motor that is on.
-    extra: by joint, what `take` has found in frames: in SI units, and its mode."""
+    joints: of the bus, in the order of the rig. refresh_ticks: how often set-points are wanted,
+    None = it is the user's choice. cyclic: set_points is called in every step, also without a motor
+    that is on."""
 
-    quantities: tuple[str, ...] = ("voltage",)
-    refresh_ticks: int | None = None
-    cyclic = False
+    bus: str
+    protocol: str
+    refresh_ticks: int | None
+    joints: list[str]
+    names: dict[int, str] = field(default_factory=dict)
+    frames: list[Frame] = field(default_factory=list)
+    reports: list[Report] = field(default_factory=list)
+    setups: list[Row] = field(default_factory=list)
+    cycles: list[Row] = field(default_factory=list)
+    switches: list[Row] = field(default_factory=list)
+    sets: list[Row] = field(default_factory=list)
+    asks: list[Row] = field(default_factory=list)
+    counters: dict[int, int] = field(default_factory=dict)
+    exact: dict[str, list[Report]] = field(default_factory=dict)
+    masked: list[Report] = field(default_factory=list)
+    listening: bool = False
+    arrived: int = 0
 
-    def __init__(self, bus: Bus, supply_v: float, motor: FocMotor) -> None:
-        self.bus, self.supply_v, self.motor = bus, supply_v, motor
-        self.board_of = {joint: board for board in bus.boards for joint in axes_of(bus, board)}
-        self.joints = list(self.board_of)
-        self.extra: dict[str, dict[str, Any]] = {joint: {} for joint in self.joints}
+    @property
+    def cyclic(self) -> bool:
+        return bool(self.cycles)
 
-    def text(self, message: str, length: int | None = None, **values: float | str) -> str:
-        found = self.bus.message(message)
-        return frame_text(found, found.encode(values, length))
+    def quantities(self, joint: str) -> tuple[str, ...]:
+        """What the motor of a joint can be commanded with, the usual one first."""
+        return tuple(dict.fromkeys(row.quantity for row in self.sets if row.joint == joint))
 
-    def commanded(self, message: str, quantity: str) -> dict[str, Signal]:
-        """Signals of a message to the boards whose quantity begins so, by joint."""
-        found = self.bus.messages.get(message)
-        return {} if not found else {s.about: s for s in found.signals.values()
-                                     if s.quantity.startswith(quantity) and s.about}
-
-    def on_word(self, quantity: str) -> str:
+    def on_word(self, joint: str, quantity: str) -> str | None:
         """The boards' word for a motor that takes such set points."""
-        raise NotImplementedError
+        return next((row.mode for row in self.sets
+                     if (row.joint, row.quantity) == (joint, quantity)), None)
+
+    # ---- what is sent ----
+
+    def _close(self, frame: Frame, image: int, given: int = 0) -> bytes:
+        """The data with counter and checksum, except bits that are given."""
+        if frame.counter >= 0 and not given & frame.count_field.mask:
+            count = self.counters.get(frame.counter, 0)
+            self.counters[frame.counter] = count + 1
+            where = frame.count_field
+            image = image & ~where.mask | where.place(count & (1 << where.bits) - 1)
+        data = bytearray(image.to_bytes(SIZE, "little")[:frame.length])
+        if frame.checksum and not given >> 8 * frame.checksum_byte & 0xff:
+            data[frame.checksum_byte] = checksum(frame.checksum, data, frame.checksum_byte)
+        return bytes(data)
+
+    def _text(self, frame: Frame) -> str:
+        identifier = frame.image >> 8 * ID_BYTE
+        data = self._close(frame, frame.image)
+        words = ("<", {"c": "send", "f": "fdsend", "r": "sendrtr"}[frame.kind],
+                 f"{identifier:0{len(frame.word)}X}", "1" if frame.kind == "f" else "",
+                 str(frame.length), data.hex(" "), self.bus, ">")
+        return " ".join(filter(None, words))
+
+    def _texts(self, rows: Iterable[Row]) -> list[list[str]]:
+        """The frames of rows, by stage."""
+        stages: list[list[str]] = []
+        for row in rows:
+            stages += [[] for _ in range(row.stage + 1 - len(stages))]
+            if row.field:
+                row.frame.put(row.field, row.count & (1 << row.field.bits) - 1)
+            stages[row.stage].append(self._text(row.frame))
+        return stages
 
     def reporting(self) -> list[list[str]]:
         """What makes every board report, in stages with some ticks between them."""
-        raise NotImplementedError
+        self.listening = True
+        return self._texts(self.setups)
 
-    def switch(self, joints: Sequence[str], quantity: str | None) -> list[str]:
-        """Switches motors on for a kind of set point, None: off."""
-        raise NotImplementedError
+    def switch(self, joints: Sequence[str], quantity: str | None) -> list[list[str]]:
+        """Switches motors for a kind of set point, None: off, in stages."""
+        # the image of a frame that motors share has to be right for each of its stages
+        chosen = sorted((row for row in self.switches if row.joint in joints and
+                         row.quantity == (quantity or "off")), key=lambda row: row.stage)
+        return self._texts(chosen)
 
-    def set_points(self, points: Mapping[str, Point]) -> str:
-        """Set points of the joints whose motors are on: quantity and value."""
-        raise NotImplementedError
-
-    def take(self, frame: RawFrame) -> None:
-        """Finds in a frame what the DBC does not say."""
-
-    def close(self, name: str, data: bytes, given: Sequence[str]) -> bytes:
-        """The data of a message with what the protocol fills in itself."""
-        return data
-
-    def limited(self, volts: float) -> float:
-        """What a bridge can do of it."""
-        return max(-self.supply_v, min(self.supply_v, volts))
-
-
-class _Icub(Boards):
-    """What both kinds of iCub boards have in common: modes, sensors."""
-
-    MODES = {"voltage": "open_loop", "current": "current", "position": "direct"}
-
-    def on_word(self, quantity: str) -> str:
-        return self.MODES[quantity]
-
-    def _sensors(self) -> list[str]:
-        """STRAIN boards begin to transmit."""
-        return [self.text(f"{board}_COMMAND", command="SET_TRANSMIT_MODE",
-                          SET_TRANSMIT_MODE_mode=0)
-                for board in self.bus.boards
-                if f"{board}_FORCE" in self.bus.messages]
-
-    def _axis(self, joint: str) -> tuple[str, str]:
-        """The message that commands a joint's board, and what its axis adds to names."""
-        message = f"{self.board_of[joint]}_COMMAND"
-        mode = self.commanded(message, "SET_CONTROL_MODE_mode")[joint]
-        return message, mode.name.removeprefix("SET_CONTROL_MODE_mode")
-
-    def switch(self, joints: Sequence[str], quantity: str | None) -> list[str]:
-        texts = []
-        for joint in joints:
-            message, suffix = self._axis(joint)
-            texts.append(self.text(message, **{
-                "command": "SET_CONTROL_MODE" + suffix,
-                "SET_CONTROL_MODE_mode" + suffix:
-                    self.MODES[quantity] if quantity else "force_idle"}))
-        return texts
-
-    def _percent(self, volts: float) -> float:
-        return 100.0 * self.limited(volts) / self.supply_v if self.supply_v > 0 else 0.0
-
-
-class Icub(_Icub):
-    """boards/icub/protocol.h: two axes a board, telemetry every 4 ms."""
-
-    REPORTS = ("POSITION", "STATUS", "CURRENT", "MOTOR_POSITION")
-    COMMANDS = {"voltage": ("SET_OPEN_LOOP", "pwm"), "current": ("SET_DESIRED_TORQUE", "torq"),
-                "position": ("SET_COMMAND_POSITION", "p")}
-    quantities = tuple(COMMANDS)
-
-    def __init__(self, bus: Bus, supply_v: float, motor: FocMotor) -> None:
-        super().__init__(bus, supply_v, motor)
-        self._commands = {(joint, quantity): self._command_of(*self._axis(joint), *words)
-                          for joint in self.joints for quantity, words in self.COMMANDS.items()}
-
-    def _command_of(self, name: str, suffix: str, command: str,
-                    begin: str) -> tuple[Message, Signal, int, int]:
-        """The command of an axis: its message, the signal of the set point, the length of the
-        frame, and the frame with 0."""
-        message = self.bus.message(name)
-        signal = next(s for s in message.signals.values() if s.name.endswith(suffix) and
-                      s.name.startswith(f"{command}_{begin}"))
-        frame = message.encode({"command": command + suffix, signal.name: 0.0})
-        return message, signal, len(frame), int.from_bytes(frame, "little")
-
-    def reporting(self) -> list[list[str]]:
-        texts = self._sensors()
-        for board in dict.fromkeys(self.board_of.values()):
-            # the bit of a frame is its type, the low digit of its identifier, less one
-            mask = sum(1 << (m.identifier & 0xf) - 1 for m in self.bus.board_messages(board)
-                       if m.kind in self.REPORTS)
-            texts.append(self.text(f"{board}_COMMAND", command="SET_BROADCAST_POLICY_0",
-                                   SET_BROADCAST_POLICY_mask_0=mask))
-        return [texts]
+    def questions(self, joints: Sequence[str], quantity: str) -> list[str]:
+        """Asks boards for the gains of a loop."""
+        return [self._text(row.frame) for row in self.asks
+                if row.joint in joints and row.quantity == quantity]
 
     def set_points(self, points: Mapping[str, Point]) -> str:
-        texts = []
-        for joint in self.joints:
-            if joint in points:
-                quantity, value = points[joint]
-                message, signal, length, frame = self._commands[joint, quantity]
-                value = self._percent(value) if quantity == "voltage" else \
-                    1e3 * value if quantity == "current" else value
-                bits = signal.place(signal.encode(value), length)
-                texts.append(frame_text(message, (frame | bits).to_bytes(length, "little")))
-        return "".join(texts)
-
-
-class Foc(_Icub):
-    """boards/foc/protocol.h: one axis a board; every set-point is answered."""
-
-    refresh_ticks = 1
-    quantities = ("voltage", "current")
-
-    def __init__(self, bus: Bus, supply_v: float, motor: FocMotor) -> None:
-        super().__init__(bus, supply_v, motor)
-        self._targets = self.commanded("ALL_DESIRED_TARGETS", "target")
-
-    def reporting(self) -> list[list[str]]:
-        motor, major_minor = self.motor, PROTOCOL_OF_HOSTS
-        stages: list[list[str]] = [self._sensors(), [], [], []]
-        for board in self.board_of.values():
-            command = f"{board}_COMMAND"
-            stages[0].append(self.text(command, command="GET_FIRMWARE_VERSION",
-                                       GET_FIRMWARE_VERSION_major=major_minor[0],
-                                       GET_FIRMWARE_VERSION_minor=major_minor[1]))
-            stages[1].append(self.text(command, 7, command="SET_MOTOR_CONFIG",
-                                       SET_MOTOR_CONFIG_flags=1,  # it has an encoder
-                                       SET_MOTOR_CONFIG_resolution=motor.encoder_ticks_per_rev,
-                                       SET_MOTOR_CONFIG_poles=motor.poles))
-            stages[2].append(self.text(command, command="SET_CURRENT_LIMIT",
-                                       SET_CURRENT_LIMIT_nominal=1e3 * motor.nominal_a,
-                                       SET_CURRENT_LIMIT_peak=1e3 * motor.peak_a,
-                                       SET_CURRENT_LIMIT_overload=1e3 * motor.overload_a))
-            stages[3].append(self.text(command, command="SET_CURRENT_PID",
-                                       SET_CURRENT_PID_kp=motor.current_kp,
-                                       SET_CURRENT_PID_ki=motor.current_ki,
-                                       SET_CURRENT_PID_shift=motor.current_shift))
-        return stages
-
-    def set_points(self, points: Mapping[str, Point]) -> str:
-        if not any(joint in points for joint in self._targets):
-            return ""
-        message, total = self.bus.message("ALL_DESIRED_TARGETS"), 0
-        for joint, target in self._targets.items():
-            quantity, value = points.get(joint, ("voltage", 0.0))
-            # what a target counts depends on the mode: mA, or STATUS's count of PWM
-            if quantity == "current":
-                bits = round(1e3 * value) & (1 << target.bits) - 1
-            else:
-                pwm = self.commanded(f"{self.board_of[joint]}_STATUS", "pwm")[joint]
-                bits = pwm.encode(self._percent(value))
-            total |= target.place(bits, message.length)
-        return frame_text(message, total.to_bytes(message.length, "little"))
-
-
-class Moteus(Boards):
-    """boards/moteus/protocol.h: one axis a controller. A frame commands it in position mode and
-    reads what the DBC's reply has."""
-
-    quantities = ("torque", "velocity", "position")
-    refresh_ticks = 1
-    cyclic = True
-    MODES = {0: "stopped", 1: "fault", 10: "position", 11: "timeout"}
-    QUESTION = bytes.fromhex("11 00 1f 01 1d 06 13 0d")
-    TURN = 2 * math.pi
-
-    def __init__(self, bus: Bus, supply_v: float, motor: FocMotor) -> None:
-        super().__init__(bus, supply_v, motor)
-        self._address = {joint: int(bus.boards[board].split()[1].rstrip(","))
-                         for joint, board in self.board_of.items()}
-        self._joint_of = {address: joint for joint, address in self._address.items()}
-        self._listens = False
-
-    def on_word(self, quantity: str) -> str:
-        return "position"
-
-    def _frame(self, joint: str, command: bytes) -> str:
-        data = command + self.QUESTION
-        data = data.ljust(next(n for n in (8, 12, 16, 20, 24, 32, 48, 64) if n >= len(data)), b"P")
-        return (f"< fdsend {0x8000 | self._address[joint]:08X} 1 {len(data)} {data.hex(' ')} "
-                f"{self.bus.name} >")
-
-    def reporting(self) -> list[list[str]]:
-        self._listens = True
-        return [[self._frame(joint, b"") for joint in self.joints]]
-
-    def switch(self, joints: Sequence[str], quantity: str | None) -> list[str]:
-        return [] if quantity else [self._frame(joint, bytes((1, 0, 0))) for joint in joints]
-
-    def set_points(self, points: Mapping[str, Point]) -> str:
-        text = ""
-        for joint in self.joints if self._listens else ():
-            if joint not in points:
-                text += self._frame(joint, b"")
-                continue
-            quantity, value = points[joint]
-            nan = math.nan
-            values = {"position": (value / self.TURN, 0.0, 0.0, 1.0, 1.0),
-                      "velocity": (nan, value / self.TURN, 0.0, 0.0, 1.0),
-                      "torque": (nan, 0.0, value, 0.0, 0.0)}[quantity]
-            text += self._frame(joint, bytes((1, 0, 10, 0x0c, 5, 0x20)) +
-                                struct.pack("<5f", *values))
+        """Set points of the joints whose motors are on, and what is sent in every step."""
+        pending: dict[int, Frame] = {}
+        for row in self.sets:       # 0 for motors that are off, in frames that they share
+            row.frame.put(row.field, row.field.encode(0.0))
+        for row in self.sets:
+            quantity, value = points.get(row.joint, (None, 0.0))
+            if quantity == row.quantity:
+                value = max(row.low, min(row.high, value))
+                row.frame.put(row.field, row.field.encode(value))
+                pending[id(row.frame)] = row.frame
+        text = "".join(self._text(frame) for frame in self.frames if id(frame) in pending)
+        if self.listening:
+            text += "".join(self._text(row.frame) for row in self.cycles
+                            if row.joint not in points)
         return text
 
-    def take(self, frame: RawFrame) -> None:
-        identifier, data = int(frame[1], 16), bytes.fromhex(frame[4])
-        joint = self._joint_of.get(identifier >> 8)
-        # the reply to QUESTION: mode; position, velocity, torque; the other encoder; volts, fault
-        if not joint or identifier & 0x80ff or len(data) < 28 or data[:2] != b"\x21\0":
-            return
-        position, velocity, torque = struct.unpack_from("<3f", data, 5)
-        link = struct.unpack_from("<f", data, 19)[0]
-        found = self.extra[joint]
-        found["mode"] = self.MODES.get(data[2], str(data[2]))
-        found["motor position"] = position * self.TURN
-        found["motor velocity"] = velocity * self.TURN
-        found["torque"] = torque
-        # the encoder of the link repeats each turn
-        found["position"] = (link + round(position - link)) * self.TURN
-        found["faults"] = data[27]
+    def close(self, word: str, data: bytes, given: int) -> bytes:
+        """The data of a message with the constants, the counter and the checksum of its frame,
+        except the given bits."""
+        for frame in self.frames:
+            if (frame.word, frame.length) == (word, len(data)) and \
+                    (frame.checksum or frame.counter >= 0):
+                blank = frame.image & (1 << 8 * frame.length) - 1
+                return self._close(frame, blank & ~given | int.from_bytes(data, "little"), given)
+        return data
 
-
-class Cia402(Boards):
-    """boards/cia402/protocol.h: up to four axes a node, objects of an axis 0x800 apart. The PDOs
-    are those of the DBC, SYNC triggers telemetry; other set points than voltages go by SDO."""
-
-    quantities = ("voltage", "torque", "velocity", "position")
-    refresh_ticks = 1
-    cyclic = True
-    AXIS, PDO = 0x800, 64
-    BOOT = 40           # stages until nodes that were reset are back
-    MODES = {"voltage": -1, "position": 8, "velocity": 9, "torque": 10}
-    TARGETS = {"position": (0x607a, 4, 1e-5), "velocity": (0x60ff, 4, 1e-5)}
-
-    def __init__(self, bus: Bus, supply_v: float, motor: FocMotor) -> None:
-        super().__init__(bus, supply_v, motor)
-        self._node = {board: int(bus.boards[board].split()[1].rstrip(","))
-                      for board in dict.fromkeys(self.board_of.values())}
-        self._axes, self._place, self._at = {}, {}, {}
-        for board, node in self._node.items():
-            message = bus.message(f"{board}_STATUS")
-            self._axes[node] = message.length // 2
-            for joint in axes_of(bus, board):
-                signal = next(s for s in message.signals.values() if s.about == joint)
-                self._place[joint] = node, signal.start // 16
-                self._at[node, signal.start // 16] = joint
-        self._listens = False
-        self._wanted: set[str] = set()
-        self._clearing: set[str] = set()
-        self._words: dict[str, int] = {}        # statuswords
-        self._control: dict[str, int] = {}
-        self._rated_nm: dict[str, float] = {}
-
-    def on_word(self, quantity: str) -> str:
-        return "operation enabled"
-
-    def _send(self, identifier: int, data: bytes) -> str:
-        return " ".join(filter(None, (f"< send {identifier:03X} {len(data)}", data.hex(" "),
-                                      self.bus.name, ">")))
-
-    def _write(self, node: int, index: int, sub: int, size: int, value: int) -> str:
-        return self._send(0x600 + node, struct.pack("<BHBI", 0x23 | 4 - size << 2, index, sub,
-                                                    value & (1 << 8 * size) - 1).ljust(8, b"\0"))
-
-    def _pdo(self, node: int, kind: int, number: int, cob: int, sync: int,
-             objects: Sequence[int], event_ms: int | None = None) -> list[list[str]]:
-        """The writes of a PDO, each in a stage of its own: an SDO server takes one at a time."""
-        def write(index: int, sub: int, size: int, value: int) -> list[str]:
-            return [self._write(node, index, sub, size, value)]
-        parameter, mapping = kind + number, kind + 0x200 + number
-        return [write(parameter, 1, 4, cob + node | 1 << 31), write(parameter, 2, 1, sync),
-                *([write(parameter, 5, 2, event_ms)] if event_ms is not None else []),
-                write(mapping, 0, 1, 0),
-                *(write(mapping, i + 1, 4, entry) for i, entry in enumerate(objects)),
-                write(mapping, 0, 1, len(objects)), write(parameter, 1, 4, cob + node)]
-
-    def reporting(self) -> list[list[str]]:
-        stages: list[list[str]] = [[self._send(0, bytes((0x82, 0)))], *([[]] * self.BOOT)]
-        rows = []
-        for node, axes in self._axes.items():
-            steps = [self.AXIS * k for k in range(axes)]
-            row = []
-            for k, step in enumerate(steps):
-                row += self._pdo(node, 0x1800, self.PDO * k, 0x180 + 0x100 * k, 1,
-                                 [0x4003 + step << 16 | 32, 0x4004 + step << 16 | 16,
-                                  0x4005 + step << 16 | 16], 0)
-            for kind, number, cob, index, event_ms in ((0x1800, 1, 0x1c0, 0x6041, 100),
-                                                       (0x1400, 0, 0x200, 0x4000, None),
-                                                       (0x1400, 1, 0x300, 0x6040, None)):
-                row += self._pdo(node, kind, number, cob, 255,
-                                 [index + step << 16 | 16 for step in steps], event_ms)
-            row += [[self._send(0x600 + node, struct.pack("<BHBI", 0x40, 0x6076 + step, 0, 0))]
-                    for step in steps]
-            rows.append(row)
-        # the nodes take their writes side by side
-        stages += [[text for row in rows if number < len(row) for text in row[number]]
-                   for number in range(max(map(len, rows), default=0))]
-        # force-torque and inertial sensors report by the PDOs that they have from the start
-        stages.append([self._send(0, bytes((1, 0)))])
-        self._listens = True
-        return stages
-
-    def switch(self, joints: Sequence[str], quantity: str | None) -> list[str]:
-        texts = []
-        for joint in joints:
-            node, axis = self._place[joint]
-            if quantity:
-                self._wanted.add(joint)
-                texts.append(self._write(node, 0x6060 + self.AXIS * axis, 0, 1,
-                                         self.MODES[quantity]))
-            else:
-                self._wanted.discard(joint)
-                self._clearing.add(joint)
-        return texts
-
-    def _next_control(self, joint: str) -> int:
-        """The controlword for the next transition of an axis."""
-        state = self._words.get(joint, 0) & 0x6f
-        if state & 8 and joint in self._clearing:
-            return 0 if self._control.get(joint) == 0x80 else 0x80
-        self._clearing.discard(joint)
-        if joint not in self._wanted:
-            return 0
-        return {0x40: 6, 0x21: 7, 0x23: 15, 0x27: 15}.get(state, 0)
-
-    def set_points(self, points: Mapping[str, Point]) -> str:
-        if not self._listens:
-            return ""
-        text = ""
-        for node, axes in self._axes.items():
-            names = [self._at.get((node, axis)) for axis in range(axes)]
-            words = [self._next_control(name) if name else 0 for name in names]
-            self._control.update({name: word for name, word in zip(names, words) if name})
-            volts = [points[name][1] if points.get(name, ("",))[0] == "voltage" else 0.0
-                     for name in names]
-            text += self._send(0x300 + node, struct.pack(f"<{axes}H", *words))
-            text += self._send(0x200 + node, struct.pack(
-                f"<{axes}h", *(round(self.limited(v) / 2e-3) for v in volts)))
-            for axis, name in enumerate(names):
-                quantity, value = points.get(name, ("voltage", 0.0))
-                if quantity == "torque":
-                    rated = self._rated_nm.get(name, 0.0)
-                    count = round(1e3 * value / rated) if rated else 0
-                    text += self._write(node, 0x6071 + self.AXIS * axis, 0, 2,
-                                        max(-32768, min(32767, count)))
-                elif quantity != "voltage":
-                    index, size, scale = self.TARGETS[quantity]
-                    text += self._write(node, index + self.AXIS * axis, 0, size,
-                                        round(value / scale))
-        return text + self._send(0x80, b"")
+    # ---- what arrives ----
 
     def take(self, frame: RawFrame) -> None:
-        identifier, data = int(frame[1], 16), bytes.fromhex(frame[4])
-        node = identifier & 0x7f
-        if identifier & 0x780 == 0x180 and node - 0x40 in self._axes:
-            for axis in range(min(self._axes[node - 0x40], len(data) // 2)):
-                joint = self._at.get((node - 0x40, axis))
-                if joint:
-                    word = struct.unpack_from("<H", data, 2 * axis)[0]
-                    self._words[joint] = word
-                    self.extra[joint]["mode"] = "operation enabled" if word & 0x6f == 0x27 else \
-                        "fault" if word & 8 else "switched off"
-        elif node in self._axes and identifier & 0x780 in (0x180, 0x280, 0x380, 0x480):
-            joint = self._at.get((node, (identifier >> 8) - 1))
-            if joint and len(data) == 8:
-                motor, deflection, torque = struct.unpack("<ihh", data)
-                self.extra[joint].update({
-                    "motor position": 1e-5 * motor, "position": 1e-5 * (motor - deflection),
-                    "torque": 1e-2 * torque})
-                self.extra[joint].setdefault("faults", 0)
-        elif node in self._axes and identifier & 0x780 == 0x080 and len(data) == 8 and node:
-            for axis in range(self._axes[node]):
-                joint = self._at.get((node, axis))
-                if joint and (data[:2] == b"\0\0" or data[3] == axis):
-                    self.extra[joint]["faults"] = struct.unpack_from("<I", data, 4)[0] \
-                        if data[:2] != b"\0\0" else 0
-        elif node in self._axes and identifier & 0x780 == 0x580 and data[0] & 0xe0 == 0x40:
-            index = struct.unpack_from("<H", data, 1)[0]
-            joint = self._at.get((node, (index - 0x6076) // self.AXIS))
-            if joint and (index - 0x6076) % self.AXIS == 0:
-                self._rated_nm[joint] = 1e-3 * struct.unpack_from("<I", data, 4)[0]
+        """Keeps a frame for the reports that it is."""
+        word, text = frame[1], frame[4]
+        image = None
+        for report in self.exact.get(word, self.masked):
+            if image is None:
+                length = len(text) // 2
+                image = bytes.fromhex(text).ljust(ID_BYTE, b"\0") + \
+                    int(word, 16).to_bytes(4, "little")
+            if report.id_mask != 0x1fffffff and (
+                    report.extended != (len(word) == 8) or
+                    int(word, 16) & report.id_mask != report.identifier):
+                continue
+            if length >= report.shortest and (
+                    not report.mask or
+                    int.from_bytes(image[:ID_BYTE], "little") & report.mask == report.value):
+                self.arrived += 1
+                report.image, report.length, report.number = image, length, self.arrived
+
+    def keep(self) -> tuple:
+        """The state for a checkpoint."""
+        return ([(r.image, r.length, r.number) for r in self.reports],
+                [frame.image for frame in self.frames], dict(self.counters), self.listening)
+
+    def restore(self, kept: tuple) -> None:
+        for report, seen in zip(self.reports, kept[0]):
+            report.image, report.length, report.number = seen
+        for frame, image in zip(self.frames, kept[1]):
+            frame.image = image
+        self.counters, self.listening = dict(kept[2]), kept[3]
 
 
-def boards_of(bus: Bus, supply_v: float, motor: FocMotor) -> Boards:
-    """The boards of a bus, by the protocol that it speaks."""
-    from .described import Described
-    kinds = {"icub": Icub, "foc": Foc, "cia402": Cia402, "moteus": Moteus}
-    if bus.table is None and bus.protocol not in kinds:
-        raise BoardError(f"bus {bus.name}: found protocol {bus.protocol}, expected one of "
-                         f"{', '.join(kinds)}, or a file's")
-    return (kinds[bus.protocol] if bus.table is None else Described)(bus, supply_v, motor)
+@dataclass
+class Value:
+    """A value that a board reports."""
+
+    boards: Boards
+    report: Report
+    field: Field
+
+    @property
+    def told(self) -> bool:
+        return self.report.number > 0 and self.report.length >= self.field.end
+
+    def read(self) -> float:
+        return self.field.value(self.report.image)
+
+    def count(self) -> int:
+        return self.field.count(self.report.image)
+
+
+@dataclass
+class Table:
+    """The client table. joints, sensors: the bus of each. values: by name and quantity."""
+
+    joints: dict[str, str] = field(default_factory=dict)
+    sensors: dict[str, str] = field(default_factory=dict)
+    boards: list[Boards] = field(default_factory=list)
+    values: dict[tuple[str, str], list[Value]] = field(default_factory=dict)
+    step: tuple[str, int] | None = None
+
+    def newest(self, name: str, quantity: str) -> Value | None:
+        """The value that has come last; None = none has come."""
+        told = [value for value in self.values.get((name, quantity), ()) if value.told]
+        return max(told, key=lambda value: value.report.number, default=None)
+
+    def read(self, name: str, quantity: str) -> float | None:
+        value = self.newest(name, quantity)
+        return None if value is None else value.read()
+
+    def position(self, name: str) -> float | None:
+        """The angle of a link: reported, or from its deflection, or within a turn of the motor."""
+        motor = self.read(name, "motor_position")
+        deflection, link = self.read(name, "deflection"), self.read(name, "position_in_turn")
+        if motor is not None and deflection is not None:
+            return motor - deflection
+        if motor is not None and link is not None:
+            return link + 2 * math.pi * round((motor - link) / (2 * math.pi))
+        return self.read(name, "position")
+
+
+def _frame_of(word: list[str]) -> Frame:
+    data = b"" if word[3] == "-" else bytes.fromhex(word[3])
+    image = data.ljust(ID_BYTE, b"\0") + int(word[1], 16).to_bytes(4, "little")
+    return Frame(word[1], word[2], len(data), int.from_bytes(image, "little"), int(word[4]),
+                 int(word[5]), int(word[6]), Field(word[7]))
+
+
+def _report_of(word: list[str]) -> Report:
+    mask, value = (0 if text == "-" else int.from_bytes(bytes.fromhex(text), "little")
+                   for text in word[5:7])
+    return Report(int(word[1], 16), len(word[1]) == 8, int(word[3]), int(word[4], 16), mask, value)
+
+
+def _add_row(table: Table, boards: Boards, word: list[str]) -> None:
+    """A row about a bus."""
+    kind = word[0]
+    if kind == "name":
+        boards.names.setdefault(int(word[1]), word[2])
+    elif kind == "frame":
+        boards.frames.append(_frame_of(word))
+    elif kind == "report":
+        report = _report_of(word)
+        boards.reports.append(report)
+        if report.id_mask == 0x1fffffff:
+            boards.exact.setdefault(word[1], []).append(report)
+        else:
+            boards.masked.append(report)
+    elif kind == "setup":
+        boards.setups.append(Row("", "", boards.frames[int(word[2])], int(word[1])))
+    elif kind == "cycle":
+        boards.cycles.append(Row(word[2], "", boards.frames[int(word[1])]))
+    elif kind == "switch":
+        boards.switches.append(Row(word[1], word[2], boards.frames[int(word[4])], int(word[3]),
+                                   Field(word[5]), int(word[6])))
+    elif kind == "set":
+        boards.sets.append(Row(word[1], word[2], boards.frames[int(word[3])],
+                               field=Field(*word[4:7]), low=float(word[7]), high=float(word[8]),
+                               mode=word[9]))
+    elif kind == "ask":
+        boards.asks.append(Row(word[1], word[2], boards.frames[int(word[3])]))
+    elif kind == "value":
+        value = Value(boards, boards.reports[int(word[3])], Field(*word[4:7]))
+        table.values.setdefault((word[1], word[2]), []).append(value)
+
+
+def read_table(rows: Iterable[str]) -> Table:
+    """The client table from its rows; rows of unknown kinds are skipped."""
+    table = Table()
+    for row in rows:
+        kind = row.split(" ", 1)[0]
+        if kind not in WORDS:
+            continue
+        word = row.split(" ", WORDS[kind] - 1)
+        if kind == "joint":
+            table.joints[word[1]] = word[2]
+        elif kind == "sensor":
+            table.sensors[word[1]] = word[2]
+        elif kind == "bus":
+            table.boards.append(Boards(word[1], word[3], 1 if word[6] == "1" else None,
+                                       [n for n, bus in table.joints.items() if bus == word[1]]))
+        elif kind != "rig":
+            _add_row(table, table.boards[-1], word)
+    return table

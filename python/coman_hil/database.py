@@ -3,7 +3,6 @@
 read and write values quickly. All scales, units and names come from there."""
 from __future__ import annotations
 
-import json
 import logging
 import pathlib
 import re
@@ -190,7 +189,6 @@ class Bus:
     messages: dict[str, Message] = field(default_factory=dict)
     by_identifier: dict[int, Message] = field(default_factory=dict)     # of 11 bits
     boards: dict[str, str] = field(default_factory=dict)
-    table: dict | None = None       # of a protocol that a file describes (described.py)
 
     def find(self, identifier: int, extended: bool = False) -> Message | None:
         """The message that a frame is; None: of no message."""
@@ -297,8 +295,6 @@ def load(program: str, rig: str, timeout_s: float = 60.0) -> Database:
         parsed = []
         for path in pathlib.Path(folder).glob("*.dbc"):
             parsed.append(parse_bus(path.read_text()))
-            table = path.with_suffix(".json")
-            parsed[-1][1].table = json.loads(table.read_text()) if table.exists() else None
     buses = sorted((bus for _, bus in parsed),
                    key=lambda bus: order.index(bus.name) if bus.name in order else len(order))
     return Database(parsed[0][0], {bus.name: bus for bus in buses})

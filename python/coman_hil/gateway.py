@@ -24,6 +24,7 @@ from .errors import GatewayError, SimulatorTimeout
 
 FRAME = re.compile(r"< (frame|fdframe|rtr) (\w+) (?:(\w\w) )?(\d+\.\d+) (\w*) (\S+) >"
                    r"|< error (.*?) >")
+ROW = re.compile(r"< row (.*?) >")
 # kind, identifier, flags, seconds, data, bus, error: what FRAME finds, all as text
 RawFrame = Tuple[str, str, str, str, str, str, str]
 
@@ -95,6 +96,23 @@ class GatewayBus(can.BusABC):
             raise SimulatorTimeout("the simulator does not read what is sent to it") from None
         except OSError as error:
             raise GatewayError(f"the simulator has closed the connection: {error}") from None
+
+    def ask(self, word: str, timeout_s: float = 10.0) -> list[str]:
+        """The rows with which the run answers `tell WORD`: a part of the client table by number,
+        or "dropped"."""
+        self.send_text(f"< tell {word} >")
+        text = self._text
+        while "< ok >" not in text:
+            if not select.select([self._socket], [], [], timeout_s)[0]:
+                raise SimulatorTimeout(f"no answer to tell {word} within {timeout_s:g} s")
+            received = self._socket.recv(1 << 18)
+            text += received.decode()
+            if not received or "< error " in text:
+                raise GatewayError(f"the simulator answered {text[-80:]!r} to tell {word}")
+        answer, self._text = text.split("< ok >", 1)
+        rows = ROW.findall(answer)
+        self._text = ROW.sub("", answer) + self._text
+        return rows
 
     def receive_frames(self, timeout_s: Optional[float]) -> list[RawFrame]:
         """All frames that have come, at least one unless there is none for timeout_s; what is

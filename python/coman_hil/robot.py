@@ -3,10 +3,9 @@
 angles at the link side of the gear."""
 from __future__ import annotations
 
-import re
-from typing import Dict, Generic, Iterable, Mapping, TypeVar
+from typing import Dict, Generic, Iterable, TypeVar
 
-from .boards import Boards
+from .boards import Boards, Table
 from .database import HOST, Bus, Message, Signal
 from .errors import BoardError, NoTelemetry, UnknownName
 from .gateway import RawFrame
@@ -15,22 +14,6 @@ from .gateway import RawFrame
 Latest = Dict[tuple, RawFrame]
 Source = tuple  # (bus, identifier as text), Signal, Message
 T = TypeVar("T")
-
-# Where a quantity is found: kind of message, name of the signal without the joint
-QUANTITIES: Mapping[str, tuple[tuple[str, str], ...]] = {
-    "position": (("POSITION", "position"), ("TELEMETRY_FD", "link_position")),
-    "deflection": (("TELEMETRY", "deflection"),),
-    "motor position": (("MOTOR_POSITION", "position"), ("FOC", "position"),
-                       ("TELEMETRY", "motor_position"), ("TELEMETRY_FD", "motor_position")),
-    "motor velocity": (("FOC", "velocity"), ("TELEMETRY_FD", "motor_velocity")),
-    "current": (("CURRENT", "current"), ("FOC", "current"), ("TELEMETRY", "current"),
-                ("TELEMETRY_FD", "current")),
-    "torque": (("TELEMETRY", "torque"), ("TELEMETRY_FD", "torque"), ("FORCE", "torque"),
-               ("TORQUE", "torque")),
-    "mode": (("TELEMETRY_FD", "mode"), ("STATUS", "mode"), ("STATE", "mode")),
-    "faults": (("STATUS", "fault"), ("STATUS", "faults"), ("STATE", "faults")),
-}
-
 
 class Names(Dict[str, T], Generic[T]):
     """Things by name; a name that is not there is an UnknownName with the nearest."""
@@ -66,28 +49,22 @@ class Joint:
     it."""
 
     # a misspelled voltage_v is an error
-    __slots__ = ("name", "bus", "quantity", "value", "_boards", "_protocol", "_latest", "_all",
-                 "_found")
+    __slots__ = ("name", "bus", "quantity", "quantities", "value", "_boards", "_table", "_latest",
+                 "_all")
 
-    def __init__(self, name: str, boards: Boards, buses: Iterable[Bus], latest: Latest) -> None:
-        self.name, self.bus = name, boards.bus.name
+    def __init__(self, name: str, boards: Boards, table: Table, buses: Iterable[Bus],
+                 latest: Latest) -> None:
+        self.name, self.bus = name, boards.bus
         self.quantity: str | None = None
+        self.quantities = boards.quantities(name)
         self.value = 0.0
-        self._boards, self._protocol = boards, boards.bus.protocol
-        self._latest = latest
+        self._boards, self._table, self._latest = boards, table, latest
         self._all = [source for b in buses for source in _sources(b, name)]
-        self._found = {quantity: [source for place in places for source in self._all
-                                  if self._is_at(source[2], source[1], place)]
-                       for quantity, places in QUANTITIES.items()}
 
     @property
     def enabled(self) -> bool:
         """Whether Simulator.enable has switched it on."""
         return self.quantity is not None
-
-    @staticmethod
-    def _is_at(message: Message, signal: Signal, place: tuple[str, str]) -> bool:
-        return (message.kind, signal.quantity) == place
 
     def __repr__(self) -> str:
         return f"<joint {self.name} on {self.bus}>"
@@ -99,10 +76,9 @@ class Joint:
         if self.quantity != quantity:
             if quantity == "voltage" and not value:
                 return
-            if quantity not in self._boards.quantities:
-                raise BoardError(f"{self.name}: {self._protocol} boards take no {quantity}, "
-                                 f"expected {', '.join(self._boards.quantities)}")
-            kind = "" if quantity == self._boards.quantities[0] else f", quantity={quantity!r}"
+            if quantity not in self.quantities:
+                raise BoardError(self.refusal(quantity))
+            kind = "" if quantity == self.quantities[0] else f", quantity={quantity!r}"
             raise BoardError(f"{self.name}: found {value:g} {unit} for a motor that is not enabled"
                              f"{' for it' if self.enabled else ''}, expected "
                              f"enable({self.name!r}{kind}) before")
@@ -116,26 +92,31 @@ class Joint:
     def voltage_v(self, volts: float) -> None:
         self._set("voltage", volts, "V")
 
-    def _read(self, quantity: str) -> float:
-        if quantity in self._boards.extra[self.name]:
-            return self._boards.extra[self.name][quantity]
-        sources = self._found[quantity]
-        for source in sources:
-            value = _value(self._latest, source)
-            if value is not None:
-                return value * source[1].to_si
-        if not sources:
-            raise NoTelemetry(f"{self.name}: {self._protocol} boards do not report the {quantity}")
-        raise NoTelemetry(f"{self.name}: no {quantity} has been reported yet: Simulator.enable or "
+    def refusal(self, quantity: str) -> str:
+        """Why its board takes no such set points."""
+        return (f"{self.name}: {self._boards.protocol} boards take no {quantity}, expected "
+                f"{', '.join(self.quantities)}")
+
+    def _told(self, value: float | None, *quantities: str) -> float:
+        """The value, or why there is none."""
+        if value is not None:
+            return value
+        what = quantities[0].replace("_", " ")
+        if not any((self.name, quantity) in self._table.values for quantity in quantities):
+            raise NoTelemetry(f"{self.name}: {self._boards.protocol} boards do not report the "
+                              f"{what}")
+        raise NoTelemetry(f"{self.name}: no {what} has been reported yet: Simulator.enable or "
                           "listen makes the boards report")
+
+    def _read(self, quantity: str) -> float:
+        return self._told(self._table.read(self.name, quantity), quantity)
 
     @property
     def position_rad(self) -> float:
         """Angle of the link (rad). 2FOC boards read no link encoder: NoTelemetry. Set: the angle
         that the board's own loop holds."""
-        if self._found["deflection"] and "position" not in self._boards.extra[self.name]:
-            return self._read("motor position") - self._read("deflection")
-        return self._read("position")
+        return self._told(self._table.position(self.name), "position", "deflection",
+                          "position_in_turn")
 
     @position_rad.setter
     def position_rad(self, rad: float) -> None:
@@ -145,7 +126,7 @@ class Joint:
     def velocity_rad_s(self) -> float:
         """Velocity of the motor (rad/s), as motor_velocity_rad_s. Set: the one that the board's own
         loop holds."""
-        return self._read("motor velocity")
+        return self._read("motor_velocity")
 
     @velocity_rad_s.setter
     def velocity_rad_s(self, rad_s: float) -> None:
@@ -154,12 +135,12 @@ class Joint:
     @property
     def motor_position_rad(self) -> float:
         """Angle of the motor (rad), the other end of the joint's spring."""
-        return self._read("motor position")
+        return self._read("motor_position")
 
     @property
     def motor_velocity_rad_s(self) -> float:
         """Velocity of the motor (rad/s); foc and compact FD."""
-        return self._read("motor velocity")
+        return self._read("motor_velocity")
 
     @property
     def current_a(self) -> float:
@@ -182,25 +163,34 @@ class Joint:
     @property
     def mode(self) -> str:
         """The board's word for what its motor does: "voltage", "open_loop", "off", "fault", ..."""
-        if "mode" in self._boards.extra[self.name]:
-            return self._boards.extra[self.name]["mode"]
-        for source in self._found["mode"]:
-            frame = self._latest.get(source[0])
-            raw = None if frame is None else source[1].decode_raw(bytes.fromhex(frame[4]))
-            if raw is not None:
-                return source[1].values.get(raw, str(raw))
+        value = self._table.newest(self.name, "mode")
+        if value is not None:
+            return value.boards.names.get(value.count(), str(value.count()))
+        word = self._boards.on_word(self.name, self.quantity or "")
+        if word and (self.name, "mode") not in self._table.values and self._heard:
+            return word     # boards that do not report their mode
         raise NoTelemetry(f"{self.name}: no mode has been reported yet")
+
+    @property
+    def _heard(self) -> bool:
+        """Whether its boards have reported anything."""
+        return any(value.told for (name, _), values in self._table.values.items()
+                   if name == self.name for value in values)
 
     @property
     def faults(self) -> int:
         """The fault bits of its board; each protocol has its own."""
-        return int(self._read("faults"))
+        value = self._table.newest(self.name, "faults")
+        if value is None and (self.name, "faults") in self._table.values and self._heard:
+            return 0        # boards that report faults when they come
+        return int(self._told(None if value is None else value.count(), "faults"))
 
     @property
     def is_on(self) -> bool:
         """Whether the board says that its motor takes set points of the enabled kind."""
         try:
-            return self.mode == self._boards.on_word(self.quantity or self._boards.quantities[0])
+            return self.mode == self._boards.on_word(self.name,
+                                                     self.quantity or self.quantities[0])
         except NoTelemetry:
             return False
 
@@ -210,13 +200,6 @@ class Joint:
             return self.motor_position_rad
         except NoTelemetry:
             return self.position_rad
-
-    def keep_extra(self) -> dict:
-        """What `take` of its boards has found, for a checkpoint."""
-        return dict(self._boards.extra[self.name])
-
-    def restore_extra(self, kept: dict) -> None:
-        self._boards.extra[self.name] = dict(kept)
 
     def state_text(self) -> str:
         """Its mode and faults in words."""
@@ -235,18 +218,14 @@ class Joint:
 class ForceSensor:
     """A six-axis force-torque sensor."""
 
-    def __init__(self, name: str, bus: Bus, board: str, latest: Latest) -> None:
-        self.name, self.bus, self._latest = name, bus.name, latest
-        self._found = {s.name: ((bus.name, m.word), s, m)
-                       for m in bus.board_messages(board) for s in m.signals.values()
-                       if s.selector is None}
+    def __init__(self, name: str, bus: str, table: Table) -> None:
+        self.name, self.bus, self._table = name, bus, table
 
     def __repr__(self) -> str:
         return f"<force sensor {self.name} on {self.bus}>"
 
     def _read(self, components: str) -> tuple[float, float, float]:
-        values = [_value(self._latest, self._found[c]) if c in self._found else None
-                  for c in components.split()]
+        values = [self._table.read(self.name, c) for c in components.split()]
         if None in values:
             raise NoTelemetry(f"{self.name}: has not reported yet: Simulator.listen makes it")
         return tuple(values)
@@ -260,14 +239,3 @@ class ForceSensor:
     def moment_nm(self) -> tuple[float, float, float]:
         """Moment in the sensor's frame (N m)."""
         return self._read("mx my mz")
-
-
-def force_sensors(buses: Iterable[Bus], latest: Latest) -> Names[ForceSensor]:
-    """All sensors of the rig."""
-    found = Names[ForceSensor]("force sensor")
-    for bus in buses:
-        for board, what in bus.boards.items():
-            name = re.match(r"^address \d+, F/T (\S+)$", what)
-            if name:
-                found[name[1]] = ForceSensor(name[1], bus, board, latest)
-    return found

@@ -2,35 +2,39 @@
 """A simulator as a context manager: started, stepped, observed, ended."""
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
 import shutil
 import time
 from collections import deque
-from typing import Any, Callable, Mapping, NamedTuple, Sequence
+from typing import Any, Callable, Iterator, Mapping, NamedTuple, Sequence
 
 import can
 
 from . import database
-from .boards import Boards, FocMotor, boards_of, frame_text
+from .boards import Boards, read_table
 from .control import Control
 from .errors import (BoardError, ControlError, GatewayError, RigError, SimulatorDied,
                      SimulatorError, SimulatorStopped, SimulatorTimeout)
 from .gateway import GatewayBus, RawFrame, command_text, message_of
 from .process import Process, find_program, make_folder
-from .robot import ForceSensor, Joint, Latest, Names, force_sensors
+from .robot import ForceSensor, Joint, Latest, Names
 
 BOARD_FAULT, MISMATCH, STOPPING = 2, 4, 8      # flags of DONE
 MOVED = "somebody else moves its time (ctl step, restore, another client's STEP)"
-# what the log says of a command that a board drops
-DROPPED = re.compile(r"^[\d.]+ s: (\S+ \(bus \d+, address \d+\): (?:wrong|unknown|frame) .*)$",
-                     re.M)
 STEP_TICKS = 1000           # at most in one STEP, so that a time-out is soon enough
 SWITCH_TICKS = 5            # until a new mode has been reported
 FRAMES_KEPT = 100_000
 STARTED = ("joints", "sensors", "tick", "tick_s", "bus", "buses", "control", "board_fault",
            "_frames", "_queued", "_boards", "_listening")      # there once it has been started
+
+
+def frame_text(message: database.Message, data: bytes) -> str:
+    """What the gateway is told to send a frame; FD frames go with the fast rate."""
+    words = f"fdsend {message.word} 1" if message.fd else f"send {message.word}"
+    return f"< {words} {len(data)} {data.hex(' ')} {message.bus} >".replace("  ", " ")
 
 
 class Done(NamedTuple):
@@ -59,10 +63,8 @@ class Simulator:
     seed: of noise and faults. record: folder for a recording. options: more of `coman-hil run`.
 
     refresh_s: while motors are on, set-points are repeated this often in a step of many ticks;
-    boards let a voltage go after 0.1 s. 2FOC boards get theirs every tick. motor: what 2FOC boards
-    are told of their motors. joints: False for a rig of any protocol, as frames alone: the joints
-    of some are not known here. start_timeout_s: until buses are served. timeout_s: for each answer,
-    of wall time.
+    boards let a voltage go after 0.1 s. Some boards get theirs every tick. start_timeout_s: until
+    buses are served. timeout_s: for each answer, of wall time.
 
     Attributes. joints, sensors: by name. tick, time_s: virtual time. bus: the connection, a bus of
     python-can. control: the control socket. buses: what the DBC files say. board_fault: whether a
@@ -72,14 +74,13 @@ class Simulator:
                  changes: Mapping[str, Any] | None = None, hold: str | None = None,
                  settle: bool = False, faults: Sequence[str] = (), seed: int | None = None,
                  record: str | None = None, options: Sequence[str] = (), refresh_s: float = 0.01,
-                 motor: FocMotor = FocMotor(), joints: bool = True,
                  start_timeout_s: float = 180.0, timeout_s: float = 30.0) -> None:
         self.rig, self._changes, self._program = os.fspath(rig), changes, program
         self._options = [*(["--hold", hold] if hold else []), *(["--settle"] if settle else []),
                          *(word for line in faults for word in ("--fault", line)),
                          *(["--seed", str(seed)] if seed is not None else []),
                          *(["--record", os.fspath(record)] if record else []), *options]
-        self._refresh_s, self._motor, self._with_joints = refresh_s, motor, joints
+        self._refresh_s = refresh_s
         self._start_timeout_s, self._timeout_s = start_timeout_s, timeout_s
         self._process: Process | None = None
         self.exit_status: int | None = None
@@ -149,7 +150,7 @@ class Simulator:
 
     def _prepare(self) -> None:
         """What is known before the first tick."""
-        status, supply_v = self.control.status(), self.control.get("supply_v")
+        status = self.control.status()
         self.tick_s: float = status["tick_s"]
         self.tick: int = 0
         self._latest: Latest = {}
@@ -159,15 +160,16 @@ class Simulator:
         self._kept: dict[int, tuple] = {}
 
         buses = self.buses.buses.values()
-        self._boards: list[Boards] = [boards_of(bus, supply_v, self._motor)
-                                      for bus in buses if self._with_joints]
-        self.joints: Names[Joint] = Names("joint")
-        for boards in self._boards:
-            for name in boards.joints:
-                self.joints[name] = Joint(name, boards, buses, self._latest)
-        self._taking = {boards.bus.name: boards.take for boards in self._boards
-                        if type(boards).take is not Boards.take}
-        self.sensors: Names[ForceSensor] = force_sensors(buses, self._latest)
+        self._table = read_table(self._rows_of_table())
+        self._boards: list[Boards] = self._table.boards
+        at = {boards.bus: boards for boards in self._boards}
+        self.joints: Names[Joint] = Names("joint", (
+            (name, Joint(name, at[bus], self._table, buses, self._latest))
+            for name, bus in self._table.joints.items()))
+        self._taking = {boards.bus: boards.take for boards in self._boards if boards.reports}
+        self.sensors: Names[ForceSensor] = Names("force sensor", (
+            (name, ForceSensor(name, bus, self._table))
+            for name, bus in self._table.sensors.items()))
         self._kept[0] = self._keep()
 
         step = next(((bus, bus.messages["STEP"]) for bus in buses if "STEP" in bus.messages), None)
@@ -176,6 +178,14 @@ class Simulator:
         bus, self._step_message = step
         self._done_message = bus.message("DONE")
         self._done_key = (bus.name, self._done_message.word)
+
+    def _rows_of_table(self) -> Iterator[str]:
+        """The client table, which the run tells in parts; an empty one is the end."""
+        for number in itertools.count():
+            rows = self.bus.ask(str(number), self._timeout_s)
+            if not rows:
+                return
+            yield from rows
 
     def close(self) -> None:
         """Ends the process; `with` does it."""
@@ -324,9 +334,11 @@ class Simulator:
         the next step."""
         found = self.buses.bus(bus).message(message)
         data = found.encode(values, length)
+        given = sum(found.signal(name).place((1 << found.signal(name).bits) - 1, len(data))
+                    for name in values)
         for boards in self._boards:
-            if boards.bus.name == bus:
-                data = boards.close(message, data, list(values))
+            if boards.bus == bus:
+                data = boards.close(found.word, data, given)
         self._queued.append(frame_text(found, data))
 
     def frames(self, bus: str | None = None) -> list[can.Message]:
@@ -389,9 +401,8 @@ class Simulator:
         """How many commands boards have dropped, for a wrong length, value or checksum or as
         unknown, and what the log says of the last one ("" = nothing yet; the log comes a little
         later than the count)."""
-        counts = self.status()["boards"]
-        reasons = DROPPED.findall(self.log)
-        return counts["unknown"] + counts["malformed"], reasons[-1] if reasons else ""
+        count, _, reason = self.bus.ask("dropped", self._timeout_s)[0].partition(" ")
+        return int(count), reason
 
     def disable(self, *joints: str) -> None:
         """Switches motors off, those of all joints when none is named; runs some ticks."""
@@ -401,38 +412,39 @@ class Simulator:
 
     def _check_quantity(self, joints: Sequence[Joint], quantity: str | None) -> None:
         """Whether the boards take such set points."""
-        for boards in self._boards:
-            for name in {joint.name for joint in joints} & set(boards.joints):
-                wanted = quantity or boards.quantities[0]
-                if wanted not in boards.quantities:
-                    raise BoardError(f"{name}: {boards.bus.protocol} boards take no {wanted}, "
-                                     f"expected {', '.join(boards.quantities)}")
+        for joint in joints:
+            if (quantity or joint.quantities[0]) not in joint.quantities:
+                raise BoardError(joint.refusal(quantity))
 
     def _check_gains(self, joints: Sequence[Joint], quantity: str | None) -> None:
         """Whether the loop that gets the set points has gains, where the run tells them."""
-        if quantity not in ("position", "velocity", "current"):
-            return
-        answer = self._ask(self.control.request, "list", what="tunables")
-        tunables = {row["name"]: row["value"] for row in answer["tunables"]}
-        for joint in joints:
-            names = [f"joint.{joint.name}.{quantity}_{gain}" for gain in ("kp", "ki", "kd")]
-            known = [tunables[name] for name in names if name in tunables]
-            if known and not any(known):
-                raise BoardError(f"{joint.name}: the {quantity} loop of its board has gains of 0 "
-                                 f"and would do nothing: sim.set({names[0]!r}, ...), or a message "
-                                 "with its gains, sets them")
+        names = [joint.name for joint in joints]
+        questions = [text for boards in self._boards
+                     for text in boards.questions(names, quantity or "")]
+        if questions:
+            self._queued += questions
+            self.step(2)
+        for name in names if questions else ():
+            gains = self._table.values.get((name, f"{quantity}_gain"), ())
+            if gains and all(gain.told and not gain.read() for gain in gains):
+                raise BoardError(f"{name}: the {quantity} loop of its board has gains of 0 and "
+                                 f"would do nothing: sim.set('joint.{name}.{quantity}_kp', ...), "
+                                 "or a message with its gains, sets them")
 
     def _switch(self, joints: Sequence[Joint], quantity: str | None, on: bool = False) -> None:
-        names = {joint.name for joint in joints}
-        for boards in self._boards:
-            mine = [joint for joint in boards.joints if joint in names]
-            wanted = (quantity or boards.quantities[0]) if on else None
-            for name in mine:
-                joint = self.joints[name]
-                joint.quantity, joint.value = wanted, 0.0
-                if wanted == "position":
-                    joint.value = joint.held_rad()
-            self._queued += boards.switch(mine, wanted) if mine else []
+        wanted = {joint.name: (quantity or joint.quantities[0]) if on else None
+                  for joint in joints}
+        for joint in joints:
+            joint.quantity = wanted[joint.name]
+            joint.value = joint.held_rad() if joint.quantity == "position" else 0.0
+        stages = [boards.switch([n for n in boards.joints if n in wanted and wanted[n] == kind],
+                                kind)
+                  for boards in self._boards for kind in dict.fromkeys(wanted.values())]
+        for number in range(max(map(len, stages))):
+            if number:
+                self.step(2)
+            self._queued += [text for stage in stages if number < len(stage)
+                             for text in stage[number]]
 
     # ---- control ----
 
@@ -481,15 +493,16 @@ class Simulator:
         are on are again those of then."""
         answer = self._ask(self.control.restore, slot)
         # of a checkpoint that somebody else has made only the state is known
-        latest, self._listening, joints = self._kept.get(slot, ({}, self._listening, {}))
+        latest, self._listening, joints, kept = self._kept.get(slot, ({}, self._listening, {}, ()))
         self.tick = answer["tick"]
         self._queued.clear()
         self._frames.clear()
         self._latest.clear()
         self._latest.update(latest)
-        for name, (quantity, value, extra) in joints.items():
+        for name, (quantity, value) in joints.items():
             self.joints[name].quantity, self.joints[name].value = quantity, value
-            self.joints[name].restore_extra(extra)
+        for boards, state in zip(self._boards, kept):
+            boards.restore(state)
 
     def reset(self) -> None:
         """Goes back to the start."""
@@ -497,5 +510,5 @@ class Simulator:
 
     def _keep(self) -> tuple:
         return (dict(self._latest), self._listening,
-                {joint.name: (joint.quantity, joint.value, joint.keep_extra())
-                 for joint in self.joints.values()})
+                {joint.name: (joint.quantity, joint.value) for joint in self.joints.values()},
+                [boards.keep() for boards in self._boards])

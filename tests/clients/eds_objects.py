@@ -117,7 +117,7 @@ def main():
     variables = [s for s in eds.sections() if re.fullmatch("[0-9A-F]{4}(sub[0-9A-F]+)?", s)
                  and "DataType" in eds[s]]
     print(f"1..{len(MANDATORY) + 2}")
-    with coman_hil.Simulator(RIG, program=PROGRAM, hold="always", joints=False) as simulator:
+    with coman_hil.Simulator(RIG, program=PROGRAM, hold="always") as simulator:
         node = Node(simulator)
         simulator.step(5)
         for what, names in MANDATORY.items():

@@ -124,7 +124,7 @@ def play(path, program):
     if rig[0] != "rig":
         raise ValueError(f"{path.name}:{lines[0][0]}: found \"{rig[0]}\", expected rig NAME")
     changes = json.loads(" ".join(rig[2:])) if rig[2:] else None
-    with coman_hil.Simulator(rig[1], hold="always", joints=False, changes=changes,
+    with coman_hil.Simulator(rig[1], hold="always", changes=changes,
                              program=program) as simulator:
         player = Player(simulator)
         for number, words in lines[1:]:

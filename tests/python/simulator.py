@@ -427,26 +427,6 @@ def test_a_command_that_a_board_drops_is_told():
                 name, count, reason)
 
 
-def test_counters_and_checksums_are_filled_in():
-    """In what sim.command sends of a protocol file, unless they are given."""
-    from coman_hil import Simulator
-    with Simulator(RIGS / "hyq.yaml", hold="always") as sim:
-        table = sim.buses.bus("left_front").table
-        assert table["protocol"] == "servo-valve"
-        frame = next(f for f in table["frames"] if f["name"] == "MODE")
-        # a checksum in the last byte, and a counter in the one before
-        frame["fields"] += [
-            dict(frame["fields"][0], name="number", meaning="counter", byte=5, shift=0, mask=255),
-            dict(frame["fields"][0], name="sum", meaning="checksum", byte=6, shift=0, mask=255)]
-        frame.update(length=7, checksum=2, checksum_byte=6)
-        boards = next(b for b in sim._boards if b.bus.name == "left_front")
-        first = boards.close("ALL_MODE", bytes(7), ["mode"])
-        second = boards.close("ALL_MODE", bytes(7), ["mode"])
-        assert (first[5], second[5]) == (0, 1) and first[6] != second[6]
-        assert second[6] == crc8(second[:6]), second.hex()
-        assert boards.close("ALL_MODE", bytes(7), ["mode", "sum"])[6] == 0
-
-
 def crc8(data):
     """CRC-8 SAE J1850 as its text has it: polynomial 0x1d, from 0xff, inverted at the end."""
     register = 0xff

@@ -3,9 +3,10 @@
 """The client for controllers as its users have it: installed and copied, examples in C and in C++
 for ROS 2 that are built with it and run twice against simulators of each protocol, the same frames
 each time, and the same state as the Python package makes with the same controller. ROS 2 is not
-installed here: the hardware interface is compiled against stand-in headers. Prints TAP.
+installed here: the hardware interface is compiled against stand-in headers. A joint of each
+protocol by name, with each kind of set point, a fault and a command that is dropped. Prints TAP.
 
-client.py CMAKE PROGRAM"""
+client.py CMAKE PROGRAM CLIENT_JOINTS"""
 import json
 import logging
 import os
@@ -22,7 +23,7 @@ from ready import wait_until_ready
 from tap import result
 import tap
 
-CMAKE, PROGRAM = sys.argv[1], os.path.abspath(sys.argv[2])
+CMAKE, PROGRAM, JOINTS_OF = sys.argv[1], os.path.abspath(sys.argv[2]), sys.argv[3]
 SOURCE = pathlib.Path(os.environ["HIL_SOURCE_DIR"])
 BUILD = os.environ["HIL_BINARY_DIR"]
 WORK = pathlib.Path(tempfile.mkdtemp(prefix="coman-hil-client-"))
@@ -49,13 +50,11 @@ def run(*command, **keys):
 class Simulator:
     """A run of a rig, in lockstep or as clock says, with its tables. changes: keys of the rig."""
 
-    def __init__(self, rig, *options, changes=None, clock="lockstep"):
+    def __init__(self, rig, *options, changes=None, clock="lockstep", protocol=""):
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix=rig, dir=WORK))
-        self.tables = self.folder / "tables"
-        self.tables.mkdir()
         file = self.folder / "rig.yaml"
+        (self.folder / "checked.yaml").write_text(protocol)
         file.write_text(json.dumps({"extends": rig, **BENCH, **(changes or {})}))
-        run(PROGRAM, "dbc", file, "-o", self.tables)
         self.ready = self.folder / "ready"
         self.control = self.folder / "control"
         self.log = open(self.folder / "log", "w+")
@@ -145,7 +144,7 @@ def test_ros2_files(manager):
                 if joint.find("command_interface") is not None]
     wanted = {f"{joint.get('name')}/{interface.get('name')}" for joint in tag.findall("joint")
               for interface in joint if interface.tag.endswith("_interface")}
-    exported = set(run(manager, "--interfaces", "tables", "ready", *(
+    exported = set(run(manager, "--interfaces", "ready", *(
         joint.get("name") for joint in tag.findall("joint"))).split())
     result(wanted <= exported, "the hardware exports the interfaces of the tag", wanted - exported)
     moved = re.search(r"joints: \[(.*)\]", (ROS2 / "config" / "controllers.yaml").read_text())[1]
@@ -163,12 +162,12 @@ def test_ros2_files(manager):
 def test_ros2_real_time(manager):
     with Simulator("coman-compact", clock="real") as simulator:
         simulator.wait()
-        text = run(manager, "--real-time", simulator.tables, simulator.ready, *JOINTS)
+        text = run(manager, "--real-time", simulator.ready, *JOINTS)
         result(float(re.search(r"([\d.]+) rad at most", text)[1]) > 0.05,
                "the hardware interface moves joints in real time", text)
     with Simulator("coman-compact", "--fault", "motor LElbj jam 0.1..") as simulator:
         simulator.wait()
-        text = refused(manager, simulator.tables, simulator.ready, "LElbj")
+        text = refused(manager, simulator.ready, "LElbj")
         result(text.startswith("joint LElbj has tripped"), "it reports a trip", text)
 
 
@@ -196,7 +195,7 @@ def drive(program, rig):
     """What a program says of a run that it controls, its state and its frames."""
     with Simulator(rig, "--record", "record") as simulator:
         simulator.wait()
-        text = run(program, simulator.tables, simulator.ready, *JOINTS)
+        text = run(program, simulator.ready, *JOINTS)
         state = state_of(simulator)
         simulator.end()
         return text, state, simulator.frames()
@@ -228,59 +227,144 @@ def test_refusals(program):
     with Simulator("coman-compact") as simulator:
         simulator.wait()
         for name, say, arguments in (
-                ("a folder without tables", "found no file of", (WORK, simulator.ready)),
-                ("no folder", "No such file", (WORK / "none", simulator.ready)),
-                ("an unknown joint", 'no joint "LElb"',
-                 (simulator.tables, simulator.ready, "LElb"))):
+                ("no table", "none.joints: No such file", (WORK / "none.joints",)),
+                ("an unknown joint", 'no joint "LElb"', (simulator.ready, "LElb"))):
             text = refused(program, *arguments)
             result(say in text, f"{name} is an error that says so", text)
         ready = simulator.folder / "copy"
         shutil.copy(simulator.ready, ready)
         simulator.end()
-        text = refused(program, simulator.tables, ready)
+        text = refused(program, ready)
         result("nobody serves the gateway" in text, "so is a run that is over", text)
     with Simulator("coman-compact", "--duration", "0.5") as simulator:
         simulator.wait()
-        text = refused(program, simulator.tables, simulator.ready)
+        text = refused(program, simulator.ready)
         result("the run is over" in text or "closed" in text, "so is one that ends", text)
     with Simulator("coman", "--fault", "motor LElbj jam 0.1..") as simulator:
         simulator.wait()
-        text = refused(program, simulator.tables, simulator.ready)
+        text = refused(program, simulator.ready)
         result(text.startswith("elbow: LElbj has tripped: mode hardware_fault, faults 0x8"),
                "so is a motor that trips while steps go on", text)
 
 
-def hash_of(data):
-    """FNV-1a of 64 bits."""
-    value = 0xcbf29ce484222325
-    for byte in data:
-        value = (value ^ byte) * 0x100000001b3 % 2 ** 64
-    return f"{value:016x}"
+# by rig: what its boards take; whether they report the link's position, a current and a mode; what
+# the rig changes so that loops have gains
+PROTOCOLS = {
+    "coman": ("voltage", "link current mode"), "coman-foc": ("voltage current", "current mode"),
+    "coman-compact": ("voltage current", "link current mode"),
+    "coman-fd": ("voltage current", "link current mode"),
+    "coman-cia402": ("voltage position velocity torque", "link mode"),
+    "coman-moteus": ("position velocity torque", "link mode"),
+    "coman-odrive": ("position velocity torque", "current mode"),
+    "coman-robstride": ("position velocity torque", "mode"),
+    "coman-mini-cheetah": ("position velocity torque", "mode"),
+}
+POINTS = {"voltage": 3, "current": 0.5, "position": -0.2, "velocity": 1, "torque": 3}
+REFUSED = re.compile(r"^refused (\w+): .*(takes no \1|loop of its board has gains of 0)", re.M)
 
 
-def test_tables(program):
-    """Tables that were written before the rig changed."""
-    assert hash_of(b"foobar") == "85944171f73967e8"     # of the authors' list
-    with Simulator("coman") as simulator:
+def rows_of(text):
+    """What client_joints prints: word, tick, link, motor, velocity, current, torque, faults, on,
+    mode."""
+    rows = [line.split(" ", 9) for line in text.splitlines() if len(line.split(" ")) >= 9]
+    return [(row[0], *map(float, row[1:9]), row[9]) for row in rows if row[1].isdigit()]
+
+
+def test_protocols():
+    """A joint of each protocol by name: enabled, held, moved, read, switched off."""
+    for rig, (takes, tells) in PROTOCOLS.items():
+        with Simulator(rig) as simulator:
+            simulator.wait()
+            text = run(JOINTS_OF, simulator.ready, "LElbj",
+                       *(f"{quantity}={value}" for quantity, value in POINTS.items()))
+            rows, good = rows_of(text), True
+            for enabled, moved, off in zip(rows[::3], rows[1::3], rows[2::3]):
+                way = moved[3] - enabled[3]
+                good = good and enabled[8] and moved[8] and (not off[8] or rig == "coman-foc")
+                good = good and 0.01 < way * (-1 if moved[0] == "position" else 1) < 1.2
+                good = good and abs(enabled[3] + 1.57) < 0.5 and moved[7] == 0
+                good = good and ("link" in tells) == (abs(moved[2] - moved[3]) < 0.02)
+                good = good and ("current" in tells) == (moved[5] == moved[5])
+                good = good and moved[9] != ""
+            result(good and [row[0] for row in rows[1::3]] == takes.split() or
+                   sorted(row[0] for row in rows[1::3]) == sorted(takes.split()) and good,
+                   f"{rig}: {takes} move a joint by its name in C", text)
+            refused_here = {match[0] for match in REFUSED.findall(text)}
+            result(refused_here == set(POINTS) - set(takes.split()) and "dropped 0 \n" in text,
+                   f"{rig}: the others are refused", text)
+    for rig, point, at_s in (("coman-cia402", "voltage", 0.3), ("coman-moteus", "torque", 0.1),
+                             ("coman-odrive", "torque", 0.1)):
+        with Simulator(rig, "--fault", f"supply sag 47 {at_s}..") as simulator:
+            simulator.wait()
+            text = run(JOINTS_OF, simulator.ready, "LElbj", *(f"{point}=0" for _ in range(4)))
+            faults = [row for row in rows_of(text) if row[0] == point and row[7] and not row[8]]
+            result(faults and "tripped 1" in text and
+                   re.search(r"LElbj does not switch on: mode \"\w+\", faults 0x[1-9a-f]", text),
+                   f"{rig}: a fault is read by the joint's name", text)
+
+
+DESCRIBED = """
+name: checked
+axes: 2
+states:
+  - {name: idle, value: 0, law: "off"}
+  - {name: run, value: 1, law: torque}
+  - {name: broken, value: 2, law: fault}
+faults: {over_current: {bit: 0}, stale: {bit: 1}}
+frames:
+  - name: SWITCH
+    from: host
+    id: 0x100
+    by: address
+    reply: STATUS
+    fields:
+      - {name: axis, bits: 8, target: axis}
+      - {name: state, bits: 8, target: state}
+  - name: SET
+    from: host
+    extended: true
+    id: 0x2000
+    by: address
+    fields:
+      - {name: kind, bits: 8, value: 0x5a}
+      - {name: axis, bits: 4, target: axis}
+      - {name: number, bits: 4, counter: true}
+      - {name: torque, bits: 16, type: signed, order: big, target: torque, scale: 0.01}
+      - {name: sum, bits: 8, checksum: crc8_sae_j1850}
+  - name: STATUS
+    from: board
+    id: 0x300
+    by: slot
+    period_s: 0.002
+    on_change: true
+    fields:
+      - {name: state, bits: 8, source: state}
+      - {name: faults, bits: 8, source: faults}
+      - {name: position, bits: 32, type: signed, source: motor_position, scale: 1.0e-5}
+host:
+  "off": [SWITCH]
+  "on": [SWITCH]
+  command: [SET]
+"""
+
+
+def test_described():
+    """A protocol of a user's file with constant, counter, checksum and big-endian torque."""
+    buses = [{"name": "arm", "interface": "can0", "boards": [
+        {"kind": "motor", "address": 3, "axes": ["LShSag", "LElbj"]}]}]
+    changes = {"personality": "described", "protocol": "checked.yaml", "buses": buses,
+               "lockstep": {"bus": "arm"}, "undriven": [
+                   "WaistLat", "WaistSag", "WaistYaw", "LShLat", "LShYaw", "RShSag", "RShLat",
+                   "RShYaw", "RElbj", *(side + joint for side in "LR" for joint in (
+                       "HipSag", "HipLat", "HipYaw", "KneeSag", "AnkLat", "AnkSag"))]}
+    with Simulator("coman-described", changes=changes, protocol=DESCRIBED) as simulator:
         simulator.wait()
-        words = dict(word.split("=", 1) for word in shlex.split(simulator.ready.read_text()))
-        hashes = dict(word.split("=") for word in words["tables"].split())
-        expected = {path.stem.split("-", 1)[1]: hash_of(path.read_bytes())
-                    for path in simulator.tables.iterdir()}
-        result(hashes == expected, f"the file of --ready has the hashes of {len(expected)} tables",
-               f"{hashes}, expected {expected}")
-        text = refused(program, simulator.tables, simulator.ready, "LElbj")
-        result(text == "status 0", "a client with them drives", text)
-    # the same rig with twice the ticks of the encoders in a turn of a joint
-    old = simulator.tables
-    with Simulator("coman", changes={"motors": {"joint_ticks_per_rev": 8192}}) as simulator:
-        simulator.wait()
-        text = refused(program, old, simulator.ready, "LElbj")
-        result(text.startswith(f"elbow: {min(old.iterdir())} is older than the rig of the run, or "
-                               "of another rig: coman-hil dbc RIG -o "),
-               "tables that are older than the rig are an error that names the file", text)
-        text = refused(program, simulator.tables, simulator.ready, "LElbj")
-        result(text == "status 0", "written anew they are taken", text)
+        text = run(JOINTS_OF, simulator.ready, "LElbj", "torque=3", "voltage=1")
+        rows = rows_of(text)
+        result(len(rows) == 3 and 0.01 < rows[1][3] - rows[0][3] < 1.2 and "dropped 0 \n" in text
+               and "takes no voltage" in text,
+               "a joint of a user's protocol, whose frames have a counter and a checksum", text)
+
 
 def main():
     sys.path.insert(0, str(SOURCE / "python"))
@@ -291,7 +375,8 @@ def main():
             test_rig(rig, programs)
         test_ros2_files(programs["ROS 2"])
         test_ros2_real_time(programs["ROS 2"])
-        test_tables(programs["copied"])
+        test_protocols()
+        test_described()
         test_refusals(programs["copied"])
     except (AssertionError, subprocess.TimeoutExpired) as error:
         result(False, "everything ends well", error)

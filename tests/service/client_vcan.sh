@@ -26,7 +26,7 @@ control() {
         [ -e "$work/ready" ] && break
         sleep 0.1
     done
-    timeout -k 5 240 "$elbow" "$work/tables" "$ready" LElbj RElbj >"$work/$name" 2>"$work/out"
+    timeout -k 5 240 "$elbow" "$ready" LElbj RElbj >"$work/$name" 2>"$work/out"
     status=$?
     cat "$work/log" >>"$work/out"
     kill "$pid"
@@ -43,7 +43,7 @@ if [ -z "$expected" ]; then
 fi
 
 echo 1..2
-control vcan - --transport socketcan
+control vcan "$work/tables/coman.joints" --transport socketcan
 result $? "a controller moves joints on two buses over vcan"
 [ -s "$expected" ] && diff "$work/vcan" "$expected" >>"$work/out" 2>&1
 result $? "it does the same as through the gateway"

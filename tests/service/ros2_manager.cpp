@@ -3,7 +3,7 @@
 // configures and activates it, then reads, updates and writes, with a controller that moves joints
 // along a sine. Prints where they are, and the names of the interfaces with --interfaces.
 //
-//     manager [--real-time | --interfaces] TABLES READY JOINT...
+//     manager [--real-time | --interfaces] READY JOINT...
 #include "ros2_stand_in.hpp"
 
 #include <cmath>
@@ -74,13 +74,12 @@ int main(int argc, char **argv)
     std::unique_ptr<hardware_interface::SystemInterface> hardware(make_hardware());
     hardware_interface::HardwareInfo info;
 
-    if (argc < first + 3) {
+    if (argc < first + 2) {
         return 2;
     }
-    info.hardware_parameters = {{"tables", argv[first]},
-                                {"ready", argv[first + 1]},
+    info.hardware_parameters = {{"ready", argv[first]},
                                 {"period_ticks", real_time ? "0" : "4"}};
-    for (int i = first + 2; i < argc; i++) {
+    for (int i = first + 1; i < argc; i++) {
         info.joints.push_back({argv[i], {{"voltage"}}, {{"position"}, {"velocity"}, {"effort"}}});
     }
     if (hardware->on_init(info) != CallbackReturn::SUCCESS) {

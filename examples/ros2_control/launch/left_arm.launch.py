@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starts the controllers of COMAN's left arm beside a run of coman-hil (README.md). The arguments
-fill in the tag of the URDF: tables, ready, period_ticks."""
+fill in the tag of the URDF: table, ready, period_ticks."""
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -9,7 +9,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-ARGUMENTS = {"tables": "tables", "ready": "", "period_ticks": "0"}
+ARGUMENTS = {"table": "", "ready": "", "period_ticks": "0"}
 
 
 def nodes(context):

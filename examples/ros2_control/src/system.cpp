@@ -56,11 +56,6 @@ CallbackReturn System::on_init(const hardware_interface::HardwareInfo &info)
     if (SystemInterface::on_init(info) != CallbackReturn::SUCCESS) {
         return CallbackReturn::ERROR;
     }
-    if (parameter("tables").empty()) {
-        RCLCPP_ERROR(logger(),
-                     "found no parameter \"tables\", expected the folder of the DBC files");
-        return CallbackReturn::ERROR;
-    }
     period_ticks_ = std::atoi(parameter("period_ticks").c_str());
     for (const auto &component : info_.joints) {
         Joint joint;
@@ -91,12 +86,11 @@ CallbackReturn System::on_init(const hardware_interface::HardwareInfo &info)
 
 CallbackReturn System::on_configure(const rclcpp_lifecycle::State &)
 {
-    const std::string tables = parameter("tables"), rig = parameter("rig");
+    const std::string table = parameter("table");
     const std::string ready = parameter("ready"), host = parameter("host");
     hil_client_options options{};
 
-    options.tables = tables.c_str();
-    options.rig = rig.empty() ? nullptr : rig.c_str();
+    options.table = table.empty() ? nullptr : table.c_str();
     options.ready = ready.empty() ? nullptr : ready.c_str();
     options.host = host.empty() ? nullptr : host.c_str();
     options.port = static_cast<std::uint16_t>(std::atoi(parameter("port").c_str()));

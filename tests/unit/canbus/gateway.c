@@ -96,11 +96,19 @@ struct fixture {
     struct gateway *gateway;
 };
 
+/* Knows one word; its answer is not terminated. */
+static const char *tell(void *context, const char *word, size_t *size)
+{
+    *size = *(const size_t *)context;
+    return strcmp(word, "7") != 0 ? NULL : "bus torso\njoint J\nmore";
+}
+
 FIXTURE(start)
 {
     static struct fixture f;
     static struct gateway_bus bus[2];
-    struct gateway_config config = {.nbus = 2, .bus = bus};
+    static size_t told = 18;
+    struct gateway_config config = {.nbus = 2, .bus = bus, .tell = tell, .context = &told};
 
     memset(&f, 0, sizeof f);
     for (int i = 0; i < 2; i++) {
@@ -270,6 +278,19 @@ TEST_WITH(wrong_commands_are_answered_and_too_many_end_it, start, stop)
     hears(client, "");
     close(client);
     assert_int_equal(sent_to_bus(&f->hand[0]), 0);
+}
+
+TEST_WITH(a_run_tells_its_clients_rows_by_a_word, start, stop)
+{
+    int client = join_raw(*test_state, "torso");
+
+    say(client, "< tell 7 >");
+    hears(client, "\n< row bus torso >\n< row joint J >\n< ok >");
+    say(client, "< tell >");
+    hears(client, "< error wrong arguments >");
+    say(client, "< tell 8 >");
+    hears(client, "< error nothing to tell about this word >");
+    close(client);
 }
 
 TEST_WITH(a_command_without_an_end_is_cut_off, start, stop)

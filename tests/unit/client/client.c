@@ -18,82 +18,72 @@
 
 enum { TEXT_MAX = 1 << 19, SHORT_MS = 2000, LONG_MS = 20000 };
 
-/* An icub board with a motor and an F/T board on one bus, a compact FD board on another. */
-static const char arm[] =
-    "BU_: host simulator b s\n\n"
-    "BO_ 1 b_COMMAND: 8 host\n"
-    " SG_ command M : 0|8@1+ (1,0) [0|255] \"\" b\n"
-    " SG_ SET_CONTROL_MODE_mode_1 m137 : 8|8@1+ (1,0) [0|255] \"\" b\n"
-    " SG_ SET_OPEN_LOOP_pwm_1 m242 : 8|16@1- (0.0750187546886722,0) [-2458|2458] \"%\" b\n"
-    " SG_ SET_DESIRED_TORQUE_torque_1 m172 : 8|32@1- (1,0) [0|0] \"\" b\n"
-    " SG_ SET_COMMAND_POSITION_position_1 m190 : 8|32@1- (0.001,0) [0|0] \"rad\" b\n"
-    " SG_ SET_BROADCAST_POLICY_mask_0 m73 : 8|32@1+ (1,0) [0|0] \"\" b\n"
-    " SG_ SET_GAIN_value m3 : 31|16@0- (1,0) [-32768|32767] \"\" b\n\n"
-    "BO_ 16 b_REPLY: 8 b\n"
-    " SG_ command M : 0|8@1+ (1,0) [0|255] \"\" host\n"
-    " SG_ GET_POSITION_PID_kp_1 m211 : 8|16@1- (1,0) [0|0] \"\" host\n"
-    " SG_ GET_POSITION_PID_ki_1 m211 : 24|16@1- (1,0) [0|0] \"\" host\n"
-    " SG_ GET_POSITION_PID_kd_1 m211 : 40|16@1- (1,0) [0|0] \"\" host\n\n"
-    "BO_ 273 b_POSITION: 8 b\n"
-    " SG_ L_Elb_position : 32|32@1- (0.001,0) [0|0] \"rad\" host\n\n"
-    "BO_ 276 b_CURRENT: 8 b\n"
-    " SG_ Lcur : 16|16@1- (1,0) [0|0] \"mA\" host\n\n"
-    "BO_ 275 bS: 8 b\n"
-    " SG_ L_Elb_fault : 16|8@1+ (1,0) [0|0] \"\" host\n"
-    " SG_ L_Elb_mode : 24|8@1+ (1,0) [0|0] \"\" host\n\n"
-    "BO_ 794 s_FORCE: 6 s\n"
-    " SG_ fx : 0|16@1+ (0.03125,-1024) [-1024|1024] \"N\" host\n"
-    " SG_ fy : 16|16@1+ (0.03125,-1024) [-1024|1024] \"N\" host\n"
-    " SG_ fz : 32|16@1+ (0.03125,-1024) [-1024|1024] \"N\" host\n\n"
-    "BO_ 512 s_COMMAND: 8 host\n"
-    " SG_ command M : 0|8@1+ (1,0) [0|255] \"\" s\n"
-    " SG_ SET_TRANSMIT_MODE_mode m7 : 8|8@1+ (1,0) [0|255] \"\" s\n\n"
-    "BO_ 1776 STEP: 6 host\n"
-    " SG_ tick : 0|32@1+ (1,0) [0|0] \"\" simulator\n"
-    " SG_ ticks : 32|16@1+ (1,0) [0|0] \"\" simulator\n\n"
-    "BO_ 1791 DONE: 6 simulator\n"
-    " SG_ tick : 0|32@1+ (1,0) [0|0] \"\" host\n\n"
-    "CM_ \"Rig r, bus arm on can0: protocol icub, supply 48 V. A number\";\n"
-    "CM_ BU_ host \"the controller\";\n"
-    "CM_ BU_ b \"address 1, motors L-Elb\";\n"
-    "CM_ BU_ s \"address 13, F/T hand\";\n"
-    "CM_ SG_ 1 SET_CONTROL_MODE_mode_1 \"L-Elb\";\n"
-    "CM_ SG_ 1 SET_OPEN_LOOP_pwm_1 \"L-Elb\";\n"
-    "CM_ SG_ 1 SET_DESIRED_TORQUE_torque_1 \"L-Elb\";\n"
-    "CM_ SG_ 1 SET_COMMAND_POSITION_position_1 \"L-Elb\";\n"
-    "CM_ SG_ 273 L_Elb_position \"L-Elb\";\n"
-    "CM_ SG_ 276 Lcur \"L-Elb\";\n"
-    "CM_ SG_ 275 L_Elb_fault \"L-Elb\";\n"
-    "CM_ SG_ 275 L_Elb_mode \"L-Elb\";\n"
-    "BA_ \"SystemNodeLongSymbol\" BU_ s \"strain\";\n"
-    "BA_ \"SystemMessageLongSymbol\" BO_ 512 \"strain_COMMAND\";\n"
-    "BA_ \"SystemMessageLongSymbol\" BO_ 794 \"strain_FORCE\";\n"
-    "BA_ \"SystemMessageLongSymbol\" BO_ 275 \"b_STATUS\";\n"
-    "BA_ \"SystemSignalLongSymbol\" SG_ 276 Lcur \"L_Elb_current\";\n"
-    "BA_ \"FrameLength\" SG_ 1 SET_CONTROL_MODE_mode_1 2;\n"
-    "BA_ \"FrameLength\" SG_ 1 SET_OPEN_LOOP_pwm_1 3;\n"
-    "BA_ \"FrameLength\" SG_ 1 SET_DESIRED_TORQUE_torque_1 5;\n"
-    "BA_ \"FrameLength\" SG_ 1 SET_COMMAND_POSITION_position_1 5;\n"
-    "BA_ \"FrameLength\" SG_ 1 SET_BROADCAST_POLICY_mask_0 5;\n"
-    "BA_ \"FrameLength\" SG_ 1 SET_GAIN_value 5;\n"
-    "BA_ \"FrameLength\" SG_ 512 SET_TRANSMIT_MODE_mode 2;\n"
-    "VAL_ 1 SET_CONTROL_MODE_mode_1 9 \"force_idle\" 80 \"open_loop\" 6 \"current\" 8 \"direct\" "
-    ";\n"
-    "VAL_ 275 L_Elb_mode 9 \"force_idle\" 80 \"open_loop\" ;\n";
-
-static const char leg[] = "BO_ 32 ALL_MODE: 5 host\n"
-                          " SG_ mode : 0|8@1+ (1,0) [0|0] \"\" n\n"
-                          " SG_ slots : 8|32@1+ (1,0) [0|0] \"\" n\n"
-                          "BO_ 65 ALL_COMMAND_1: 8 host\n"
-                          " SG_ Knee_set_point : 16|16@1- (0.002,0) [0|0] \"V\" n\n"
-                          "BO_ 288 n_TELEMETRY_FD: 64 n\n"
-                          " SG_ Knee_motor_position : 256|32@1- (1e-05,0) [0|0] \"rad\" host\n"
-                          "CM_ \"Rig r, bus leg on can1: protocol compact, supply 48 V.\";\n"
-                          "CM_ BU_ n \"address 1, motors Knee\";\n"
-                          "CM_ SG_ 65 Knee_set_point \"Knee\";\n"
-                          "CM_ SG_ 288 Knee_motor_position \"Knee\";\n"
-                          "BA_ \"VFrameFormat\" BO_ 288 14;\n"
-                          "VAL_ 32 mode 0 \"off\" 1 \"voltage\" 2 \"current\" ;\n";
+/* A bus of an icub board with a motor and an F/T board, one of a board with two axes in a frame,
+ * which also has a checksum and a counter. */
+static const char table[] =
+    "rig r\njoint L-Elb arm\njoint Knee leg\njoint Ankle leg\nsensor hand arm\nwhat is new\n"
+    "bus arm can0 icub 6f0 6ff 0\n"
+    "name 9 force_idle\nname 80 open_loop\nname 8 direct\n"
+    "frame 001 c 490d000000 0 0 -1 0|0@1+\n"
+    "setup 0 0\n"
+    "frame 200 c 0700 0 0 -1 0|0@1+\n"
+    "setup 1 1\n"
+    "frame 001 c 8909 0 0 -1 0|0@1+\n"
+    "switch L-Elb off 0 2 0|0@1+ 0\n"
+    "frame 001 c 8900 0 0 -1 0|0@1+\n"
+    "switch L-Elb voltage 0 3 8|8@1+ 80\n"
+    "switch L-Elb position 0 3 8|8@1+ 8\n"
+    "frame 001 c f20000 0 0 -1 0|0@1+\n"
+    "set L-Elb voltage 4 8|16@1- 0.036 0 -48 48 open_loop\n"
+    "frame 001 c be00000000 0 0 -1 0|0@1+\n"
+    "set L-Elb position 5 8|32@1- 0.001 0 -10 10 direct\n"
+    "frame 001 c d3 0 0 -1 0|0@1+\n"
+    "ask L-Elb position 6\n"
+    "report 010 c 0 1FFFFFFF ff d3\n"
+    "value L-Elb position_gain 0 8|16@1- 1 0\n"
+    "value L-Elb position_gain 0 24|16@1- 1 0\n"
+    "value L-Elb position_gain 0 40|16@1- 1 0\n"
+    "report 111 c 8 1FFFFFFF - -\n"
+    "value L-Elb position 1 32|32@1- 0.001 0\n"
+    "report 114 c 0 1FFFFFFF - -\n"
+    "value L-Elb current 2 16|16@1- 0.001 0\n"
+    "report 113 c 0 1FFFFFFF - -\n"
+    "value L-Elb faults 3 16|8@1+ 1 0\n"
+    "value L-Elb mode 3 24|8@1+ 1 0\n"
+    "report 31A c 0 1FFFFFFF - -\n"
+    "value hand fx 4 0|16@1+ 0.03125 -1024\n"
+    "value hand fy 4 16|16@1+ 0.03125 -1024\n"
+    "value hand fz 4 32|16@1+ 0.03125 -1024\n"
+    "messages arm\n"
+    "message 001 c 8 b_COMMAND\n"
+    "signal 0|8@1+ 1 0 -2 8 command\n"
+    "signal 8|16@1- 0.0750187546886722 0 242 3 SET_OPEN_LOOP_pwm_1\n"
+    "signal 31|16@0- 1 0 3 5 SET_GAIN_value\n"
+    "message 6F0 c 6 STEP\n"
+    "signal 0|32@1+ 1 0 -1 6 tick\n"
+    "message 114 c 8 b_CURRENT\n"
+    "signal 16|16@1- 1 0 -1 8 L_Elb_current\n"
+    "bus leg can1 made ffffffff 6ff 0\n"
+    /* only the constant, checksum and counter of a message */
+    "frame 00000240 c 5a00000000000000 2 7 3 48|4@1+\n"
+    "frame 00000240 c 5a00000000000000 2 7 3 48|4@1+\n"
+    "set Knee torque 1 8|16@1- 0.01 0 -300 300 on\n"
+    "set Ankle torque 1 39|16@0- 0.01 0 -300 300 on\n"
+    "frame 00000100 f - 0 0 -1 0|0@1+\n"
+    "switch Knee torque 0 2 520|8@1+ 5\n"
+    "frame 120 r - 0 0 -1 0|0@1+\n"
+    "cycle 3 Ankle\n"
+    /* bits 8 to 15 of the identifier are values, byte 0 tells the axes apart */
+    "report 00000020 c 4 1FFF00FF ff 00\n"
+    "value Knee motor_position 0 8|16@1- 0.001 0\n"
+    "value Knee position_in_turn 0 520|8@1+ 0.01 0\n"
+    "report 00000020 c 4 1FFF00FF ff 01\n"
+    "value Ankle motor_position 1 8|16@1- 0.001 0\n"
+    "messages leg\n"
+    "message 00000240 c 8 TORQUES\n"
+    "signal 8|16@1- 0.01 0 -1 8 knee\n"
+    "signal 48|4@1+ 1 0 -1 8 count\n"
+    "signal 56|8@1+ 1 0 -1 8 sum\n";
 
 /* ---- allocations ---- */
 
@@ -191,6 +181,15 @@ static void *serve(void *context)
     if (hear(client, "< open all >")) {
         say(client, "< ok >");
     }
+    for (int part = 0; part < 2 && hear(client, "< tell "); part++) {
+        for (const char *row = table; part == 0 && *row; row += strcspn(row, "\n") + 1) {
+            char text[256];
+
+            snprintf(text, sizeof text, "\n< row %.*s >", (int)strcspn(row, "\n"), row);
+            say(client, text);
+        }
+        say(client, "\n< ok >");
+    }
     if (hear(client, "< rawmode >")) {
         say(client, "< ok >");
     }
@@ -217,34 +216,20 @@ static uint16_t listen_at_any_port(void)
     return ntohs(address.sin_port);
 }
 
-/* ---- tables ---- */
+/* ---- the client ---- */
 
 static char folder[64];
-
-static void write_table(const char *name, const char *text)
-{
-    char path[128];
-    FILE *file;
-
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    file = fopen(path, "w");
-    assert_non_null(file);
-    fprintf(file, "VERSION \"\"\n%s", text);
-    fclose(file);
-}
 
 FIXTURE(make_folder)
 {
     strcpy(folder, "/tmp/hil-client-XXXXXX");
     assert_non_null(mkdtemp(folder));
-    write_table("r-arm.dbc", arm);
-    write_table("r-leg.dbc", leg);
     return 0;
 }
 
 FIXTURE(remove_folder)
 {
-    static const char *const names[] = {"r-arm.dbc", "r-leg.dbc", "ready"};
+    static const char *const names[] = {"r.joints", "ready"};
     char path[128];
 
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
@@ -257,8 +242,7 @@ FIXTURE(remove_folder)
 static void open_client(struct hil_client *client, const char *const *answer, bool lockstep,
                         int timeout_ms)
 {
-    struct hil_client_options options = {
-        .tables = folder, .lockstep = lockstep, .timeout_ms = timeout_ms};
+    struct hil_client_options options = {.lockstep = lockstep, .timeout_ms = timeout_ms};
 
     gateway.answer = answer;
     gateway.heard[0] = '\0';
@@ -279,7 +263,7 @@ static void close_client(struct hil_client *client)
 
 /* ---- tests ---- */
 
-TEST_WITH(an_address_without_memory_is_no_wrong_address, make_folder, remove_folder)
+TEST(an_address_without_memory_is_no_wrong_address)
 {
     static const struct {
         int reason;
@@ -290,7 +274,7 @@ TEST_WITH(an_address_without_memory_is_no_wrong_address, make_folder, remove_fol
         {EAI_SYSTEM, HIL_CLIENT_SYSTEM, "host: Too many open files"},
         {EAI_NONAME, HIL_CLIENT_INPUT, "host: found \"::7\", expected an address"},
     };
-    const struct hil_client_options options = {.tables = folder, .host = "::7", .port = 1};
+    const struct hil_client_options options = {.host = "::7", .port = 1};
 
     for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
         struct hil_client client;
@@ -303,16 +287,17 @@ TEST_WITH(an_address_without_memory_is_no_wrong_address, make_folder, remove_fol
     address_reason = 0;
 }
 
-TEST_WITH(a_controller_in_lockstep_says_what_the_firmware_understands, make_folder, remove_folder)
+TEST(a_controller_in_lockstep_says_what_the_firmware_understands)
 {
     static const char *const answers[] = {
         "\n< frame 6FF 0.002000 020000000000 arm >",
-        "\n< frame 6FF 0.007000 070000000000 arm >",
-        "\n< frame 6FF 0.012000 0C0000000000 arm >",
-        "\n< frame 113 0.017000 0000005000000000 arm >\n< frame 6FF 0.017 110000000000 arm >",
-        "\n< frame 111 0.021000 00000000F4010000 arm >\n< frame 114 0.021 0000E803 arm >"
-        "\n< frame 113 0.021000 0000085000000000 arm >\n< frame 31A 0.02 0080007C0081 arm >"
-        "\n< frame 6FF 0.021000 150000000200 arm >",
+        "\n< frame 6FF 0.004000 040000000000 arm >",
+        "\n< frame 6FF 0.009000 090000000000 arm >",
+        "\n< frame 6FF 0.014000 0E0000000000 arm >",
+        "\n< frame 113 0.019000 0000005000000000 arm >\n< frame 6FF 0.019 130000000000 arm >",
+        "\n< frame 111 0.023000 00000000F4010000 arm >\n< frame 114 0.023 0000E803 arm >"
+        "\n< frame 113 0.023000 0000085000000000 arm >\n< frame 31A 0.02 0080007C0081 arm >"
+        "\n< frame 6FF 0.023000 170000000200 arm >",
         NULL,
         "open"};
     static const char *const names[] = {"L-Elb"};
@@ -329,7 +314,7 @@ TEST_WITH(a_controller_in_lockstep_says_what_the_firmware_understands, make_fold
     assert_int_equal(hil_client_step(&client, 4), HIL_CLIENT_OK);
     assert_int_equal(hil_client_read(&client, joint, &elbow), HIL_CLIENT_OK);
     assert_int_equal(hil_client_read_wrench(&client, 0, &hand), HIL_CLIENT_OK);
-    assert_int_equal(client.tick, 21);
+    assert_int_equal(client.tick, 23);
     assert_int_equal(client.flags, 2);
     assert_int_equal(allocations, before);
 
@@ -338,7 +323,7 @@ TEST_WITH(a_controller_in_lockstep_says_what_the_firmware_understands, make_fold
     assert_true(isnan(elbow.torque_nm) && isnan(elbow.motor_position_rad));
     assert_string_equal(elbow.mode, "open_loop");
     assert_true(elbow.is_on && elbow.faults == 8);
-    assert_int_equal(elbow.time_ns, 21000000);
+    assert_int_equal(elbow.time_ns, 23000000);
     assert_string_equal(hil_client_sensor_name(&client, 0), "hand");
     assert_float_equal(hand.force_n[0], 0.0, 1e-9);
     assert_float_equal(hand.force_n[1], -32.0, 1e-9);
@@ -349,18 +334,20 @@ TEST_WITH(a_controller_in_lockstep_says_what_the_firmware_understands, make_fold
     assert_true(isnan(hil_client_signal(&client, "arm", "b_CURRENT", "none")));
     close_client(&client);
 
-    /* Byte 0 with the bit of axis 1: reports, off, on, 0 V, 12 V of 48 V = 333 of 1333 */
-    assert_non_null(strstr(gateway.heard,
-                           "< send 001 5 49 0d 00 00 00 arm >< send 200 2 07 00 arm >"
-                           "< send 6F0 6 00 00 00 00 02 00 arm >"
-                           "< send 6F0 6 02 00 00 00 05 00 arm >"
-                           "< send 001 2 89 09 arm >< send 6F0 6 07 00 00 00 05 00 arm >"
-                           "< send 001 2 89 50 arm >< send 001 3 f2 00 00 arm >"
-                           "< send 6F0 6 0c 00 00 00 05 00 arm >"
-                           "< send 001 3 f2 4d 01 arm >< send 6F0 6 11 00 00 00 04 00 arm >"));
+    /* Reports in two stages, off, on, 0 V, 12 V of 48 V = 333 of 1333; the other bus has a cyclic
+     * frame */
+    assert_non_null(strstr(
+        gateway.heard,
+        "< send 001 5 49 0d 00 00 00 arm >< send 6F0 6 00 00 00 00 02 00 arm >"
+        "< send 200 2 07 00 arm >< send 6F0 6 02 00 00 00 02 00 arm >"
+        "< sendrtr 120 0 leg >< send 6F0 6 04 00 00 00 05 00 arm >"
+        "< send 001 2 89 09 arm >< sendrtr 120 0 leg >< send 6F0 6 09 00 00 00 05 00 arm >"
+        "< send 001 2 89 50 arm >< send 001 3 f2 00 00 arm >< sendrtr 120 0 leg >"
+        "< send 6F0 6 0e 00 00 00 05 00 arm >"
+        "< send 001 3 f2 4d 01 arm >< sendrtr 120 0 leg >< send 6F0 6 13 00 00 00 04 00 arm >"));
 }
 
-TEST_WITH(a_step_joins_a_run_on_its_way_and_sees_that_others_move_it, make_folder, remove_folder)
+TEST(a_step_joins_a_run_on_its_way_and_sees_that_others_move_it)
 {
     static const char *const answers[] = {
         "< frame 6FF 0.1 640000000400 arm >",
@@ -383,7 +370,7 @@ TEST_WITH(a_step_joins_a_run_on_its_way_and_sees_that_others_move_it, make_folde
 }
 
 /* A position for a loop that does nothing is an error; each of the gains makes it one that does. */
-TEST_WITH(a_loop_without_gains_is_named, make_folder, remove_folder)
+TEST(a_loop_without_gains_is_named)
 {
     static const char *const gains[] = {"D300000000000000", "D301000000000000", "D300000100000000",
                                         "D300000000010000"};
@@ -391,27 +378,31 @@ TEST_WITH(a_loop_without_gains_is_named, make_folder, remove_folder)
 
     for (size_t i = 0; i < sizeof gains / sizeof *gains; i++) {
         char reply[160];
-        const char *answers[] = {"< frame 6FF 0.002 020000000000 arm >",
-                                 "< frame 6FF 0.007 070000000000 arm >",
-                                 reply,
-                                 "< frame 6FF 0.0 0E0000000000 arm >",
-                                 NULL,
-                                 NULL};
+        const char *answers[] = {
+            "< frame 6FF 0.002 020000000000 arm >",
+            "< frame 6FF 0.004 040000000000 arm >",
+            "< frame 111 0.009 00000000F4010000 arm >< frame 6FF 0.009 090000000000 arm >",
+            reply,
+            "< frame 6FF 0.0 100000000000 arm >",
+            NULL,
+            NULL};
         struct hil_client client;
 
         snprintf(reply, sizeof reply,
-                 "< frame 010 0.009 %s arm >< frame 6FF 0.009 090000000000 arm >", gains[i]);
+                 "< frame 010 0.009 %s arm >< frame 6FF 0.011 0B0000000000 arm >", gains[i]);
         open_client(&client, answers, true, LONG_MS);
         assert_int_equal(hil_client_enable(&client, names, 1, HIL_CLIENT_POSITION),
                          i == 0 ? HIL_CLIENT_BOARD : HIL_CLIENT_CONNECTION);
-        assert_int_equal(strstr(client.message, "L-Elb: its loop has gains of 0") != NULL, i == 0);
+        assert_int_equal(
+            strstr(client.message, "L-Elb: the position loop of its board has gains of 0") != NULL,
+            i == 0);
         hil_client_close(&client);
         close_client(&client);
         assert_non_null(strstr(gateway.heard, "< send 001 1 d3 arm >"));
     }
 }
 
-TEST_WITH(silence_refusals_and_noise_are_errors, make_folder, remove_folder)
+TEST(silence_refusals_and_noise_are_errors)
 {
     static const struct {
         const char *answer[3];
@@ -426,7 +417,7 @@ TEST_WITH(silence_refusals_and_noise_are_errors, make_folder, remove_folder)
          "the gateway says: the bus?refuses it"},
         {{"< error no such bus: arm >", NULL, "open"},
          HIL_CLIENT_CONNECTION,
-         "the gateway says: no such bus: arm; the tables are of rig r"},
+         "the gateway says: no such bus: arm"},
         {{"<< frame >< >< frame 6FF 0.1 01 arm >< frame 6FF x 0100000000000000000000 none >"
           "< frame 6FF -1.0 010000000000 arm >",
           NULL, "open"},
@@ -445,60 +436,95 @@ TEST_WITH(silence_refusals_and_noise_are_errors, make_folder, remove_folder)
     }
 }
 
-TEST_WITH(without_lockstep_it_writes_and_receives, make_folder, remove_folder)
+/* Computes CRC-8 SAE J1850 of seven bytes: polynomial 0x1d, from 0xff, inverted at the end. */
+static unsigned crc8(const unsigned *byte)
 {
-    static const char *const answers[] = {
-        "\n< fdframe 120 1 2.500000 "
-        "0000000000000000000000000000000000000000000000000000000000000000A08601000000000000000000"
-        "0000000000000000000000000000000000000000 leg >",
-        NULL, "open"};
+    unsigned sum = 0xff;
+
+    for (int bit = 0; bit < 56; bit++) {
+        const unsigned top = (sum >> 7 ^ byte[bit / 8] >> (7 - bit % 8)) & 1;
+
+        sum = (sum << 1 & 0xff) ^ (top ? 0x1d : 0);
+    }
+    return sum ^ 0xff;
+}
+
+/* Checks counter and checksum of all frames of torques, the last one apart. Returns the knee's
+ * torque in the last frame of set points. */
+static unsigned check_torques(const char *heard)
+{
+    unsigned b[8], count = 0, torque = 0;
+
+    for (; (heard = strstr(heard, "< send 00000240 8 ")); heard++) {
+        assert_int_equal(sscanf(heard, "< send 00000240 8 %x %x %x %x %x %x %x %x", &b[0], &b[1],
+                                &b[2], &b[3], &b[4], &b[5], &b[6], &b[7]),
+                         8);
+        assert_int_equal(b[0], 0x5a);
+        if (strstr(heard + 1, "< send 00000240")) {
+            torque = b[1] != 0x64 ? b[1] | b[2] << 8 : torque;
+            assert_int_equal(b[6], count++ & 0xf);
+            assert_int_equal(b[7], crc8(b));
+        } else {
+            assert_true(b[1] == 0 && b[6] == 9 && b[7] == 7);
+        }
+    }
+    assert_true(count > 5);
+    return torque;
+}
+
+TEST(without_lockstep_it_writes_and_receives)
+{
+    static const char *const answers[] = {"\n< frame 00003220 2.500000 00E80300 leg >"
+                                          "\n< frame 00000020 2.6 01D00700 leg >",
+                                          NULL, "open"};
     const struct hil_client_value step[] = {{"tick", 7.0}};
-    struct hil_client_joint knee;
+    const struct hil_client_value knee[] = {{"knee", 1.0}}, all[] = {{"count", 9.0}, {"sum", 7.0}};
+    const char *names[] = {"Knee"};
+    struct hil_client_joint state;
     struct hil_client client;
-    int joint;
 
     open_client(&client, answers, false, LONG_MS);
-    joint = hil_client_find_joint(&client, "Knee");
     assert_int_equal(hil_client_receive(&client, 0), HIL_CLIENT_OK);
     assert_int_equal(hil_client_receive(&client, 20), HIL_CLIENT_TIMEOUT);
     assert_int_equal(hil_client_send(&client, "arm", "STEP", step, 1), HIL_CLIENT_OK);
     assert_int_equal(hil_client_write(&client), HIL_CLIENT_OK);
     assert_int_equal(hil_client_receive(&client, 20000), HIL_CLIENT_OK);
-    assert_int_equal(hil_client_read(&client, joint, &knee), HIL_CLIENT_OK);
-    assert_float_equal(knee.motor_position_rad, 1.0, 1e-12);
-    assert_int_equal(knee.time_ns, INT64_C(2500000000));
+    assert_int_equal(hil_client_read(&client, 1, &state), HIL_CLIENT_OK);
+    assert_float_equal(state.motor_position_rad, 1.0, 1e-12);
+    /* 0x32 counts in the identifier, the turn nearest to the motor */
+    assert_float_equal(state.position_rad, 0.5, 1e-12);
+    assert_int_equal(state.time_ns, INT64_C(2500000000));
+    hil_client_read(&client, 2, &state);
+    assert_float_equal(state.motor_position_rad, 2.0, 1e-12);
 
-    /* A board that does not answer is named, and its motor counts as one that is not on */
+    /* Boards that report no mode are on once they have reported; the others are named */
     assert_int_equal(hil_client_find_tripped(&client, 0), -1);
-    assert_int_equal(hil_client_enable(&client, NULL, 0, HIL_CLIENT_CURRENT), HIL_CLIENT_BOARD);
+    assert_int_equal(hil_client_enable(&client, names, 1, HIL_CLIENT_TORQUE), HIL_CLIENT_OK);
+    assert_int_equal(hil_client_enable(&client, NULL, 0, HIL_CLIENT_VOLTAGE), HIL_CLIENT_BOARD);
+    assert_string_equal(client.message, "the board of Knee takes no voltage");
+    names[0] = "L-Elb";
+    assert_int_equal(hil_client_enable(&client, names, 1, HIL_CLIENT_VOLTAGE), HIL_CLIENT_BOARD);
     assert_non_null(strstr(client.message, "L-Elb does not switch on: mode \"\""));
-    assert_int_equal(hil_client_find_tripped(&client, -7), 0);
-    assert_int_equal(hil_client_find_tripped(&client, 1), 1);
-    assert_int_equal(hil_client_find_tripped(&client, 2), -1);
-    assert_int_equal(hil_client_command(&client, joint, HIL_CLIENT_CURRENT, 3.0), HIL_CLIENT_OK);
+    assert_int_equal(hil_client_enable(&client, names, 1, HIL_CLIENT_POSITION), HIL_CLIENT_BOARD);
+    assert_non_null(strstr(client.message, "L-Elb: its board has reported no position to hold"));
+    assert_int_equal(hil_client_find_tripped(&client, -7), -1);
+    assert_int_equal(hil_client_command(&client, 1, HIL_CLIENT_TORQUE, 3.0), HIL_CLIENT_OK);
+    assert_int_equal(hil_client_write(&client), HIL_CLIENT_OK);
+    names[0] = "Knee";
+    assert_int_equal(hil_client_enable(&client, names, 1, HIL_CLIENT_OFF), HIL_CLIENT_OK);
+    assert_int_equal(hil_client_send(&client, "leg", "TORQUES", knee, 1), HIL_CLIENT_OK);
+    assert_int_equal(hil_client_send(&client, "leg", "TORQUES", all, 2), HIL_CLIENT_OK);
     assert_int_equal(hil_client_write(&client), HIL_CLIENT_OK);
     assert_int_equal(hil_client_step(&client, 1), HIL_CLIENT_INPUT);
     close_client(&client);
 
-    /* Slot 5, 3 A in mA */
-    assert_non_null(strstr(gateway.heard, "< send 020 5 02 20 00 00 00 leg >"));
-    assert_non_null(strstr(gateway.heard, "< send 041 8 00 00 b8 0b 00 00 00 00 leg >"));
+    /* The mode is in bits of the identifier. Each frame of torques has the next counter and its
+     * checksum, except the last one, which the caller gives */
+    assert_non_null(strstr(gateway.heard, "< fdsend 00000500 1 0 leg >"));
+    assert_int_equal(check_torques(gateway.heard), 0x012c);
 }
 
-TEST_WITH(a_run_that_sends_nothing_is_said_to_be_paused_or_in_lockstep, make_folder, remove_folder)
-{
-    static const char *const answers[] = {NULL, "open"};
-    struct hil_client client;
-
-    open_client(&client, answers, false, LONG_MS);
-    assert_int_equal(hil_client_enable(&client, NULL, 0, HIL_CLIENT_CURRENT), HIL_CLIENT_BOARD);
-    assert_string_equal(client.message,
-                        "L-Elb does not switch on: no frame has come from any board: is the run "
-                        "paused, or in lockstep (options.lockstep)?");
-    close_client(&client);
-}
-
-TEST_WITH(messages_by_name_are_encoded_as_the_tables_say, make_folder, remove_folder)
+TEST(messages_by_name_are_encoded_as_the_tables_say)
 {
     static const char *const answers[] = {NULL, "open"};
     const struct hil_client_value gain = {"SET_GAIN_value", -2.0}, ask = {"command", 72.0},
@@ -528,41 +554,52 @@ TEST_WITH(wrong_tables_are_named_with_file_and_line, make_folder, remove_folder)
     static const struct {
         const char *text, *message;
     } rows[] = {
-        {"BO_ 1 A: 65 host\n", "r-leg.dbc:2: expected a line \"BO_ \""},
-        {"BO_ 1 A: 8 host\nBO_ 1 B: 8 host\n", "r-leg.dbc:3: "},
-        {" SG_ x : 0|8@1+ (1,0) [0|0] \"\" h\n", "r-leg.dbc:2: expected a line \" SG_ \""},
-        {"BO_ 1 A: 8 host\n SG_ x : 60|8@1+ (1,0) [0|0] \"\" h\n", "r-leg.dbc:3: "},
-        {"BO_ 1 A: 8 host\n SG_ x : 60|8@0+ (1,0) [0|0] \"\" h\n", "r-leg.dbc:3: "},
-        {"BO_ 1 A: 8 host\n SG_ x : 0|8@1+ (0,0) [0|0] \"\" h\n", "r-leg.dbc:3: "},
-        {"BO_ 1 A: 8 host\n SG_ x : 0|8@1+ (nan,0) [0|0] \"\" h\n", "r-leg.dbc:3: "},
-        {"CM_ SG_ 1 x \"J\";\n", "r-leg.dbc:2: expected a line \"CM_ SG_ \""},
-        {"VAL_ 1 x 1 \"a\" ;\n", "r-leg.dbc:2: "},
-        {"CM_ BU_ b \"address 1, motors A\n", "r-leg.dbc:2: "},
+        {"frame 001 c 00 0 0 -1 0|0@1+", "r.joints:1: expected a row"},
+        {"bus a can0 p", "r.joints:1: "},
+        {"joint J a\nbus a can0 p 6f0 6ff 0\nframe 001 c 00 0 0 -1 545|1@1+", "r.joints:3: "},
+        {"bus a can0 p 6f0 6ff 0\nframe 001 c 00 0 64 -1 0|0@1+", "r.joints:2: "},
+        {"bus a can0 p 6f0 6ff 0\nsetup 0 0", "r.joints:2: "},
+        {"bus a can0 p 6f0 6ff 0\nframe 001 c 00 0 0 -1 0|0@1+\nsetup 4096 0", "r.joints:3: "},
+        {"joint J a\nbus a can0 p 6f0 6ff 0\nframe 001 c 00 0 0 -1 0|0@1+\n"
+         "set J speed 0 0|8@1+ 1 0 0 0 on",
+         "r.joints:4: "},
+        {"joint J a\nbus a can0 p 6f0 6ff 0\nframe 001 c 00 0 0 -1 0|0@1+\n"
+         "set J torque 0 0|8@1+ 0 0 0 0 on",
+         "r.joints:4: "},
+        {"joint J a\nbus a can0 p 6f0 6ff 0\nframe 001 c 00 0 0 -1 0|0@1+\n"
+         "set K torque 0 0|8@1+ 1 0 0 0 on",
+         "r.joints:4: "},
+        {"bus a can0 p 6f0 6ff 0\nmessages b", "r.joints:2: "},
+        {"bus a can0 p 6f0 6ff 0\nmessages a\nmessage 001 c 65 M", "r.joints:3: "},
+        {"bus a can0 p 6f0 6ff 0\nmessages a\nmessage 001 c 8 M\nsignal 60|8@1+ 1 0 -1 8 s",
+         "r.joints:4: "},
+        {"", "found no bus, expected a client table"},
     };
-    const struct hil_client_options options = {.tables = folder, .timeout_ms = 1};
+    char path[128];
+    const struct hil_client_options options = {.table = path, .timeout_ms = 1}, none = {0};
     struct hil_client client;
-    char text[1024];
 
+    snprintf(path, sizeof path, "%s/r.joints", folder);
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
-        snprintf(text, sizeof text, "%sCM_ \"Rig r, bus leg on can1: protocol compact\";\n",
-                 rows[i].text);
-        write_table("r-leg.dbc", text);
+        FILE *file = fopen(path, "w");
+
+        assert_non_null(file);
+        fputs(rows[i].text, file);
+        fclose(file);
         assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_TABLES);
         if (!strstr(client.message, rows[i].message)) {
             fail_msg("found \"%s\", expected \"%s\"", client.message, rows[i].message);
         }
         hil_client_close(&client);
     }
-    write_table("r-leg.dbc", "BO_ 1 A: 8 host\n");
+    assert_int_equal(unlink(path), 0);
     assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_TABLES);
-    assert_non_null(strstr(client.message, "found no CM_ \"Rig"));
-    write_table("r-leg.dbc", "CM_ \"Rig other, bus leg on can1: protocol compact\";\n");
-    assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_TABLES);
-    assert_non_null(strstr(client.message, "rigs r and other"));
+    assert_non_null(strstr(client.message, "r.joints: No such file"));
+    assert_int_equal(hil_client_open(&client, &none), HIL_CLIENT_TABLES);
+    assert_non_null(strstr(client.message, "options.table: expected the file RIG.joints"));
 }
 
-/* tables: what follows the port; "" = nothing. */
-static void write_ready(const char *path, const char *clock, unsigned port, const char *tables)
+static void write_ready(const char *path, const char *clock, unsigned port)
 {
     char text[128];
     FILE *file;
@@ -570,8 +607,7 @@ static void write_ready(const char *path, const char *clock, unsigned port, cons
     snprintf(text, sizeof text, "%s.new", path);
     file = fopen(text, "w");
     assert_non_null(file);
-    fprintf(file, "clock='%s'\ngateway_host='127.0.0.1'\ngateway_port='%u'\n%s", clock, port,
-            tables);
+    fprintf(file, "clock='%s'\ngateway_host='127.0.0.1'\ngateway_port='%u'\n", clock, port);
     fclose(file);
     assert_int_equal(rename(text, path), 0);
 }
@@ -580,7 +616,7 @@ static void write_ready(const char *path, const char *clock, unsigned port, cons
 static void *start_late(void *path)
 {
     usleep(30000);
-    write_ready(path, "real", listen_at_any_port(), "");
+    write_ready(path, "real", listen_at_any_port());
     return serve(NULL);
 }
 
@@ -589,7 +625,7 @@ TEST_WITH(the_file_of_a_killed_run_is_passed_over_and_another_clock_refused, mak
 {
     static const char *const answers[] = {NULL, "open"};
     char ready[128];
-    struct hil_client_options options = {.tables = folder, .ready = ready, .timeout_ms = LONG_MS};
+    struct hil_client_options options = {.ready = ready, .timeout_ms = LONG_MS};
     struct hil_client client;
 
     snprintf(ready, sizeof ready, "%s/ready", folder);
@@ -597,7 +633,7 @@ TEST_WITH(the_file_of_a_killed_run_is_passed_over_and_another_clock_refused, mak
         options.lockstep = i == 1;
         gateway.answer = answers;
         gateway.heard[0] = '\0';
-        write_ready(ready, "lockstep", 1, "");
+        write_ready(ready, "lockstep", 1);
         assert_int_equal(pthread_create(&gateway.thread, NULL, start_late, ready), 0);
         if (i == 0) {
             assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_OK);
@@ -609,59 +645,11 @@ TEST_WITH(the_file_of_a_killed_run_is_passed_over_and_another_clock_refused, mak
     }
 }
 
-/* Opens a client of r-arm.dbc by a file of --ready with such a line. */
-static enum hil_client_code open_with_hashes(struct hil_client *client, const char *line)
-{
-    static const char *const answers[] = {NULL, "open"};
-    char ready[128];
-    struct hil_client_options options = {.tables = folder, .ready = ready, .timeout_ms = LONG_MS};
-    enum hil_client_code code;
-
-    snprintf(ready, sizeof ready, "%s/ready", folder);
-    gateway.answer = answers;
-    gateway.heard[0] = '\0';
-    write_ready(ready, "real", listen_at_any_port(), line);
-    assert_int_equal(pthread_create(&gateway.thread, NULL, serve, NULL), 0);
-    code = hil_client_open(client, &options);
-    close_client(client);
-    return code;
-}
-
-TEST_WITH(tables_older_than_the_rig_of_the_run_are_refused, make_folder, remove_folder)
-{
-    /* FNV-1a of 64 bits, worked out apart from the client */
-    static const char title[] = "CM_ \"Rig r, bus arm on can0: protocol icub, supply 48 V.\";\n";
-    static const char hash[] = "1ceeecc88761adcc";
-    char line[512], expected[256];
-    struct hil_client client;
-
-    write_table("r-arm.dbc", title);
-    snprintf(line, sizeof line, "%s/r-leg.dbc", folder);
-    assert_int_equal(unlink(line), 0);
-
-    /* The same, and in the middle of those of a run with more buses than there are files */
-    snprintf(line, sizeof line, "tables='arm=%s'\n", hash);
-    assert_int_equal(open_with_hashes(&client, line), HIL_CLIENT_OK);
-    snprintf(line, sizeof line, "tables='head=0123456789abcdef arm=%s leg=%s'\n", hash, hash);
-    assert_int_equal(open_with_hashes(&client, line), HIL_CLIENT_OK);
-
-    /* Another hash, and a bus that the run does not have */
-    assert_int_equal(open_with_hashes(&client, "tables='arm=0123456789abcdef'\n"),
-                     HIL_CLIENT_TABLES);
-    snprintf(expected, sizeof expected,
-             "%s/r-arm.dbc is older than the rig of the run, or of another rig: "
-             "coman-hil dbc RIG -o %s writes it anew",
-             folder, folder);
-    assert_string_equal(client.message, expected);
-    snprintf(line, sizeof line, "tables='leg=%s'\n", hash);
-    assert_int_equal(open_with_hashes(&client, line), HIL_CLIENT_TABLES);
-}
-
 TEST_WITH(a_gateway_that_is_not_there_is_waited_for_no_longer_than_asked, make_folder,
           remove_folder)
 {
     char ready[128];
-    struct hil_client_options options = {.tables = folder, .ready = ready, .timeout_ms = 50};
+    struct hil_client_options options = {.ready = ready, .timeout_ms = 50};
     struct hil_client client;
     FILE *file;
 
@@ -673,7 +661,7 @@ TEST_WITH(a_gateway_that_is_not_there_is_waited_for_no_longer_than_asked, make_f
     fclose(file);
     assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_CONNECTION);
     assert_non_null(strstr(client.message, "names no gateway"));
-    write_ready(ready, "real", 1, ""); /* of a run that was killed */
+    write_ready(ready, "real", 1); /* of a run that was killed */
     assert_int_equal(hil_client_open(&client, &options), HIL_CLIENT_CONNECTION);
     assert_non_null(strstr(client.message, "127.0.0.1:1: nobody serves the gateway"));
 

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A robot behind CAN boards as hardware of ros2_control: libcoman-hil-client encodes commands and
-// decodes telemetry by the DBC files of the rig. Parameters of the URDF tag, all texts:
+// decodes telemetry by the client table of the run. Parameters of the URDF tag, all texts:
 //
-//     tables        folder of the DBC files from `coman-hil dbc RIG -o FOLDER`; required
-//     rig           name of the rig, if the folder has files of several rigs
+//     table         SocketCAN: the file RIG.joints from `coman-hil dbc RIG -o FOLDER`
 //     ready         file of `coman-hil run --ready FILE`: the gateway of that run
 //     host, port    or a gateway by its address
 //                   without ready and port: SocketCAN, on the interfaces of the rig
@@ -36,7 +35,7 @@ class System : public hardware_interface::SystemInterface
 
     hardware_interface::CallbackReturn
     on_init(const hardware_interface::HardwareInfo &info) override;
-    // Reads the tables and connects.
+    // Connects and reads the client table.
     hardware_interface::CallbackReturn
     on_configure(const rclcpp_lifecycle::State &previous) override;
     hardware_interface::CallbackReturn on_cleanup(const rclcpp_lifecycle::State &previous) override;
