@@ -4,5 +4,5 @@
 # Builds the Debian packages of coman-hil from its source tree and copies them into FOLDER.
 set -eu
 mkdir -p "$2"
-(cd "$1" && ./dev setup && ./dev build && cmake --build build/release --target package)
-cp "$1"/build/release/*.deb "$2"
+(cd "$1" && ./dev package)
+cp "$1"/build/packages/*.deb "$2"
