@@ -49,6 +49,9 @@ CHECKS = [
           "./dev test --strict aarch64_same_bits", 300),
     Check("controllers", "bit rates, states and restarts work on real CAN controllers, in QEMU",
           "./dev test --strict canbus_qemu", None, 15),
+    Check("latency", "boards of each protocol answer a request; the table beside two bare sockets "
+          "is in the output", "build/release/coman-hil-bench latency --answers | tee /dev/stderr | "
+          "awk '/gateway|slcan/ && $NF == 0 {n++} END {exit n != 10}'", None, 10),
     Check("package", "the package installs on a minimal Debian 12, runs there and leaves nothing "
           "behind", "cmake --build build/release --target package && "
           "bash tests/fresh.sh build/fresh-package --package build/release/coman-hil_*.deb", None,

@@ -42,6 +42,9 @@
 enum error_code bench_peers(const char *path, const char *consequence,
                             struct peers_library *library, struct error *error);
 
+/* Finds coman-hil: the same name in this program's folder, without "-bench". ERROR_SYSTEM. */
+enum error_code bench_find_program(char path[PATH_MAX], struct error *error);
+
 /* Shows the progress of a run on stderr if stderr is a terminal. Clears the line at the end. */
 void bench_progress(const char *name, size_t done, size_t all);
 

@@ -6,6 +6,7 @@
  * comparison, it measures how late a timer wakes the measuring thread, as cyclictest does. It takes
  * one sample of each kind in turn.
  */
+#include "app/bench/answers.h"
 #include "app/bench/latency_tap.h"
 #include "app/bench/bench.h"
 #include "base/array.h"
@@ -342,7 +343,8 @@ static void latency_print(const struct latency_result *result, const char *joint
 
 /* The command line. */
 struct latency_command {
-    const char *rig, *interface, *joint, *folder;
+    const char *rig, *interface, *joint, *folder, *program;
+    bool answers;
     struct option_list bus;
     int64_t count, priority;
 };
@@ -532,6 +534,12 @@ int bench_latency(int argc, char **argv)
         {"--priority", OPTION_INT, "P",
          "SCHED_FIFO priority of both threads, 80 by default; 0: none", .value = &o.priority,
          .min = 0, .max = PRIORITY_MAX},
+        {"--answers", OPTION_FLAG, NULL,
+         "without a rig: the answers of boards to a request, for each protocol",
+         .value = &o.answers},
+        {"--program", OPTION_STRING, "FILE",
+         "with --answers: the coman-hil to measure; the one beside this program by default",
+         .value = &o.program},
         BENCH_OUT_OPTION(&o.folder, "latency.csv"),
     };
     static const struct operand_spec operands[] = {
@@ -555,10 +563,19 @@ int bench_latency(int argc, char **argv)
         return status;
     }
 
-    /* The user must give either a rig, which names its interfaces, or an interface */
-    if (!o.rig == !o.interface) {
+    /* The user must give one of a rig, which names its interfaces, an interface and --answers */
+    if (!!o.rig + !!o.interface + o.answers != 1) {
         code = error_set(&error, ERROR_INPUT,
-                         "expected a RIG whose boards are on the buses, or --interface IFACE");
+                         "expected a RIG whose boards are on the buses, --interface IFACE or "
+                         "--answers");
+        return options_end(&spec, code, &error);
+    }
+    if (o.answers) {
+        char program[PATH_MAX];
+
+        code = o.program ? ERROR_NONE : bench_find_program(program, &error);
+        code =
+            code ? code : bench_answers(o.program ? o.program : program, (size_t)o.count, &error);
         return options_end(&spec, code, &error);
     }
     code = arena_init(&arena, ARENA_BYTES, &error);

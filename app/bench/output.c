@@ -2,7 +2,9 @@
 /* Functions common to the benchmarks. */
 #include "app/bench/bench.h"
 
+#include <errno.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -12,6 +14,15 @@ double bench_cpu_s(void)
 
     clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+enum error_code bench_find_program(char path[PATH_MAX], struct error *error)
+{
+    static const char end[] = "-bench";
+    ssize_t length = readlink("/proc/self/exe", path, PATH_MAX - 1);
+
+    path[length > (ssize_t)strlen(end) ? length - (ssize_t)strlen(end) : 0] = '\0';
+    return access(path, X_OK) ? error_set_file(error, errno, path, "cannot be run") : ERROR_NONE;
 }
 
 /* Orders doubles for qsort. */

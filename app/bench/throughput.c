@@ -334,17 +334,13 @@ static int remove_entry(const char *path, const struct stat *status, int kind, s
 /* Runs all rounds. Rigs take turns; each one has its own folder below a scratch folder. */
 static enum error_code run_rounds(struct throughput *t, struct error *error)
 {
-    static const char end[] = "-bench";
     const char *parent = getenv("TMPDIR");
     const size_t all = (size_t)t->rounds * t->nmeasured;
     char program[PATH_MAX], scratch[PATH_MAX], folder[PATH_MAX + 32];
-    ssize_t length = readlink("/proc/self/exe", program, sizeof program - 1);
-    enum error_code code = ERROR_NONE;
+    enum error_code code = bench_find_program(program, error);
 
-    /* coman-hil is in this program's folder: the same name without "-bench" */
-    program[length > (ssize_t)strlen(end) ? length - (ssize_t)strlen(end) : 0] = '\0';
-    if (access(program, X_OK)) {
-        return error_set_file(error, errno, program, "cannot be run");
+    if (code) {
+        return code;
     }
     snprintf(scratch, sizeof scratch, "%.4000s/coman-hil-XXXXXX", parent ? parent : "/tmp");
     if (!mkdtemp(scratch)) {

@@ -24,6 +24,9 @@ if(NOT HIL_SANITIZE)
     hil_script_test(service_run_vcan LABELS service TIMEOUT 320
         COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 300
                 ${CMAKE_CURRENT_SOURCE_DIR}/service/run_vcan.sh)
+    hil_script_test(service_answers_vcan LABELS service TIMEOUT 440
+        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 420
+                ${CMAKE_CURRENT_SOURCE_DIR}/service/answers_vcan.sh)
     hil_script_test(service_rest_bus_vcan LABELS service TIMEOUT 160
         COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 150
                 ${CMAKE_CURRENT_SOURCE_DIR}/service/rest_bus_vcan.sh)
