@@ -4,9 +4,9 @@
  * each protocol, through the gateway, slcan and vcan. Each protocol has its own simulator, which
  * this program starts. For comparison it measures two bare sockets.
  */
-#include "app/bench/answers.h"
+#include "app/bench/bench.h"
 #include "base/array.h"
-#include "canbus/port.h"
+#include "canbus/slcan.h"
 #include "rt/clock.h"
 #include "rt/histogram.h"
 
@@ -32,71 +32,21 @@
 
 enum { LOST_MAX = 10 }; /* answers that may be lost before a measurement ends early */
 
-/* A request to board 1 of the bus on interface can1, as text of the gateway and of slcan, and as a
- * frame; and how its answer begins. */
+/* A request to board 1 of the bus on interface can1, and the identifier of its answer. */
 struct answer_case {
-    const char *name, *rig, *gateway, *gateway_answer, *slcan, *slcan_answer;
-    uint32_t id, answer_id;
-    uint8_t len, data[8];
-    bool fd;
+    const char *name, *rig;
+    struct bus_frame request;
+    uint32_t answer_id;
 };
 
+#define MIT_OFF 255, 255, 255, 255, 255, 255, 255, 0xfd
+enum { FD = FRAME_EXTENDED | FRAME_FD | FRAME_BRS };
 static const struct answer_case answer_cases[] = {
-    {"moteus query",
-     "coman-moteus",
-     "< fdsend 00008001 1 3 14 04 00 >",
-     "< fdframe 100 ",
-     "B000080013140400\r",
-     "b100",
-     0x8001 | CAN_EFF_FLAG,
-     0x100,
-     3,
-     {0x14, 4},
-     true},
-    {"SDO upload",
-     "coman-cia402",
-     "< send 601 8 40 0 10 0 0 0 0 0 >",
-     "< frame 581 ",
-     "t60184000100000000000\r",
-     "t581",
-     0x601,
-     0x581,
-     8,
-     {0x40, 0, 0x10},
-     false},
-    {"icub GET",
-     "coman",
-     "< send 001 1 7 >",
-     "< frame 010 ",
-     "t001107\r",
-     "t010",
-     0x001,
-     0x010,
-     1,
-     {7},
-     false},
-    {"MIT frame",
-     "coman-mini-cheetah",
-     "< send 001 8 FF FF FF FF FF FF FF FD >",
-     "< frame 000 ",
-     "t0018FFFFFFFFFFFFFFFD\r",
-     "t000",
-     0x001,
-     0x000,
-     8,
-     {0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xfd},
-     false},
-    {"CANSimple request",
-     "coman-odrive",
-     "< sendrtr 020 8 >",
-     "< frame 020 ",
-     "r0208\r",
-     "t020",
-     0x020 | CAN_RTR_FLAG,
-     0x020,
-     8,
-     {0},
-     false},
+    {"moteus query", "coman-moteus", {.id = 0x8001, .flags = FD, .len = 3, .data = {20, 4}}, 0x100},
+    {"SDO upload", "coman-cia402", {.id = 0x601, .len = 8, .data = {0x40, 0, 0x10}}, 0x581},
+    {"icub GET", "coman", {.id = 0x001, .len = 1, .data = {7}}, 0x010},
+    {"MIT frame", "coman-mini-cheetah", {.id = 1, .len = 8, .data = {MIT_OFF}}, 0},
+    {"CANSimple request", "coman-odrive", {.id = 0x020, .flags = FRAME_REMOTE, .len = 8}, 0x020},
 };
 
 /* A connection on which requests and answers are bytes. */
@@ -323,27 +273,55 @@ static void answer_stop(struct answer_run *run)
     rmdir(run->folder);
 }
 
+/* Writes the request as a command of the gateway. */
+static void answer_format_gateway(const struct bus_frame *frame, char *text, size_t size)
+{
+    const bool remote = frame->flags & FRAME_REMOTE;
+    size_t used = (size_t)snprintf(text, size, "< %s %0*X %s%d ",
+                                   frame->flags & FRAME_FD ? "fdsend"
+                                   : remote                ? "sendrtr"
+                                                           : "send",
+                                   frame->flags & FRAME_EXTENDED ? 8 : 3, frame->id,
+                                   frame->flags & FRAME_FD ? "1 " : "", frame->len);
+
+    for (size_t i = 0; i < frame->len && !remote; i++) {
+        used += (size_t)snprintf(text + used, size - used, "%02X ", frame->data[i]);
+    }
+    snprintf(text + used, size - used, ">");
+}
+
+/* Sends a word to open a channel; false = the answer does not come. */
+static bool answer_ask(int fd, const char *word, const char *answer)
+{
+    const int64_t until = clock_now(clock_monotonic()) + ANSWER_TIMEOUT_NS;
+
+    return fd >= 0 && write(fd, word, strlen(word)) == (ssize_t)strlen(word) &&
+           answer_read(fd, answer, strlen(answer), until);
+}
+
 /* Opens the bus through the gateway and through slcan, and measures both. */
 static void answer_measure_text(const struct answer_case *of, struct answer_run *run, size_t count)
 {
-    static const char open_bus[] = "< open can1 >", raw[] = "< rawmode >", ok[] = "< ok >";
-    int64_t until = clock_now(clock_monotonic()) + ANSWER_TIMEOUT_NS;
-    struct answer_channel channel = {answer_connect(run->port), of->gateway, of->gateway_answer,
-                                     strlen(of->gateway), strlen(of->gateway_answer)};
+    const bool fd = of->request.flags & FRAME_FD;
+    char request[256], answer[32];
+    struct answer_channel channel = {.request = request, .answer = answer};
 
-    if (channel.fd >= 0 && answer_read(channel.fd, "< hi >", 6, until) &&
-        write(channel.fd, open_bus, strlen(open_bus)) > 0 &&
-        answer_read(channel.fd, ok, strlen(ok), until) && write(channel.fd, raw, strlen(raw)) > 0 &&
-        answer_read(channel.fd, ok, strlen(ok), until)) {
+    channel.fd = answer_connect(run->port);
+    answer_format_gateway(&of->request, request, sizeof request);
+    channel.request_size = strlen(request);
+    channel.answer_size = (size_t)snprintf(answer, sizeof answer, "< %s %03X ",
+                                           fd ? "fdframe" : "frame", of->answer_id);
+    if (answer_ask(channel.fd, "", "< hi >") && answer_ask(channel.fd, "< open can1 >", "< ok >") &&
+        answer_ask(channel.fd, "< rawmode >", "< ok >")) {
         answer_measure(of->name, "gateway", &channel, count);
     }
     close(channel.fd);
-    channel = (struct answer_channel){
-        open(answer_path(run, "slcan"), O_RDWR | O_NOCTTY | O_CLOEXEC), of->slcan, of->slcan_answer,
-        strlen(of->slcan), strlen(of->slcan_answer)};
-    until = clock_now(clock_monotonic()) + ANSWER_TIMEOUT_NS;
-    if (channel.fd >= 0 && write(channel.fd, "O\r", 2) == 2 &&
-        answer_read(channel.fd, "\r", 1, until)) {
+
+    channel.fd = open(answer_path(run, "slcan"), O_RDWR | O_NOCTTY | O_CLOEXEC);
+    channel.request_size = slcan_format(&of->request, false, request);
+    channel.answer_size =
+        (size_t)snprintf(answer, sizeof answer, "%c%03X", fd ? 'b' : 't', of->answer_id);
+    if (answer_ask(channel.fd, "O\r", "\r")) {
         answer_measure(of->name, "slcan", &channel, count);
     }
     close(channel.fd);
@@ -352,12 +330,15 @@ static void answer_measure_text(const struct answer_case *of, struct answer_run 
 /* Measures a request on vcan. */
 static void answer_measure_vcan(const struct answer_case *of, size_t count)
 {
-    struct canfd_frame request = {.can_id = of->id, .len = of->len};
-    const size_t size = of->fd ? CANFD_MTU : CAN_MTU;
-    const struct answer_channel channel = {answer_open_can("can1"), &request, &of->answer_id, size,
+    const uint8_t flags = of->request.flags;
+    struct canfd_frame request = {.can_id = of->request.id, .len = of->request.len};
+    const struct answer_channel channel = {answer_open_can("can1"), &request, &of->answer_id,
+                                           flags & FRAME_FD ? CANFD_MTU : CAN_MTU,
                                            sizeof of->answer_id};
 
-    memcpy(request.data, of->data, sizeof of->data);
+    request.can_id |=
+        (flags & FRAME_EXTENDED ? CAN_EFF_FLAG : 0) | (flags & FRAME_REMOTE ? CAN_RTR_FLAG : 0);
+    memcpy(request.data, of->request.data, sizeof request.data);
     answer_measure(of->name, "vcan", &channel, count);
     close(channel.fd);
 }

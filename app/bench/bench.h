@@ -68,6 +68,10 @@ int bench_paper(int argc, char **argv);
 int bench_throughput(int argc, char **argv);
 int bench_ticks(int argc, char **argv);
 
+/* Measures and prints the latency of `count` answers of each protocol, with simulators that it
+ * starts by the file `program` (answers.c). */
+enum error_code bench_answers(const char *program, size_t count, struct error *error);
+
 /* ---- a robot alone ---- */
 
 /*

@@ -6,7 +6,6 @@
  * comparison, it measures how late a timer wakes the measuring thread, as cyclictest does. It takes
  * one sample of each kind in turn.
  */
-#include "app/bench/answers.h"
 #include "app/bench/latency_tap.h"
 #include "app/bench/bench.h"
 #include "base/array.h"
