@@ -20,15 +20,17 @@ trap 'rm -rf "$work"' EXIT
 . "$(dirname "$0")/tap.sh"
 tap_show=$work/out
 
-# bits SET RIG TASK TICKS: the hash of the state and that of the frames at the end of a free run
+# bits SET RIG[@wire] TASK TICKS: the hash of the state and that of the frames at the end of a run,
 bits()
 {
-    local task=(--task "$3")
+    local task=(--task "$3") rig=${2%@wire} wire=ideal
+    [ "$rig" != "$2" ] && wire=wire
     [ "$3" = none ] && task=(--hold none)
     rm -rf "$work/record"
     COMAN_HIL_INSTRUCTIONS=$1 timeout -k 5 "${HIL_LIMIT_S:-100}" "${program[@]}" run \
-        "$HIL_SOURCE_DIR/config/rigs/$2.yaml" --transport local --clock free --control none \
-        --ticks "$4" "${task[@]}" --record "$work/record" >"$work/out" 2>&1 </dev/null || return
+        "$HIL_SOURCE_DIR/config/rigs/$rig.yaml" --transport local --clock free --control none \
+        --wire $wire --ticks "$4" "${task[@]}" --record "$work/record" \
+        >"$work/out" 2>&1 </dev/null || return
     echo "$(sed -n 's/^ *state hash //p' "$work/out") $(md5sum <"$work/record/candump.log" |
         cut -c 1-16)"
 }
