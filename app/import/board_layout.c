@@ -32,6 +32,8 @@ static enum error_code boards_read_file(const char *path, struct arena *arena,
 
     for (size_t i = 0; !code && i < protocol->nframe; i++) {
         boards->fd = boards->fd || protocol->frame[i].flags & FRAME_FD;
+        boards->optional = boards->optional ||
+                           (protocol->frame[i].optional && protocol->frame[i].of & DESCRIBED_MOTOR);
     }
     boards->protocol = &protocol_described;
     boards->address_max = code ? 0 : protocol->address_max;

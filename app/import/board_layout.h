@@ -24,6 +24,7 @@ enum { IMPORT_BUS_AXES = 16, IMPORT_BUS_FT = 4, IMPORT_BUSES_MAX = 32 };
 struct import_boards {
     const struct protocol *protocol;
     bool fd;          /* use CAN FD */
+    bool optional;    /* motor boards send some frames only with transmit_at_start */
     const char *name; /* name or file of the protocol in the rig file; NULL = its own name */
     const char *copy; /* path of a user's own protocol file to copy; NULL = none */
     unsigned address_max;

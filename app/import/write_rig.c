@@ -48,7 +48,8 @@ static void write_axes(FILE *out, const struct import_rig *rig, const struct imp
             current = fmax(current, drive_current_limit(&rig->robot->joint[bus->joint[k]]));
         }
         if (!bus->protocol) {
-            fprintf(out, ", current_limit_a: %.4g", current);
+            fprintf(out, ", current_limit_a: %.4g%s", current,
+                    rig->plan->boards.optional ? ", transmit_at_start: true" : "");
         }
         fputs("}\n", out);
     }

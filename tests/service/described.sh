@@ -97,7 +97,7 @@ tap_show=$work/out
     grep -q 'SG_ kp : 27|12@0+ (0.1221001221001221,0) \[0|500\] "Nm/rad"' "$work/torso.dbc"
 result $? "its DBC has the packed fields"
 "$program" protocol "$HIL_SOURCE_DIR/config/protocols/odrive.yaml" >"$work/out" 2>&1 &&
-    grep -q '^Answer: ENCODER_ESTIMATES, id 0x009 + 0x20 a, 8 bytes, every 2 ms.' "$work/out"
+    grep -q '^Answer: ENCODER_ESTIMATES, id 0x009 + 0x20 a, 8 bytes, every 10 ms.' "$work/out"
 result $? "a page says what a file describes"
 
 # signals RIG: what the DBC files of a rig have of telemetry, states and commands

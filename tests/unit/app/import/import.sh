@@ -41,7 +41,7 @@ inertia='<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
     echo '</robot>'
 } >"$folder/arm.urdf"
 
-echo 1..43
+echo 1..44
 for protocol in icub foc compact compact-fd moteus cia402 odrive mini-cheetah \
     "$config/protocols/odrive.yaml"; do
     file=$protocol
@@ -55,6 +55,14 @@ for protocol in icub foc compact compact-fd moteus cia402 odrive mini-cheetah \
     result $? "an_imported_arm_holds_its_pose_with_$protocol"
 done
 
+
+# Drives that send torques only when configured to send all frames are so configured
+[ "$(grep -c 'transmit_at_start: true' "$folder/odrive/rigs/arm.yaml")" -eq 6 ] &&
+    ! grep -q transmit_at_start "$folder/icub/rigs/arm.yaml" "$folder/mini-cheetah/rigs/arm.yaml" &&
+    timeout 60 "$program" run "$folder/odrive/rigs/arm.yaml" --task hold --clock free \
+        --transport local --duration 0.2 --record "$folder/record" >"$folder/log" 2>&1 &&
+    grep -q ' can[0-9]* 03C#' "$folder/record/candump.log"
+result $? imported_drives_send_the_torques_that_their_host_needs
 
 # A protocol file of the user's is copied; addresses are given or counted
 grep -q '^protocol: \.\./protocols/odrive\.yaml' "$folder/odrive.yaml/rigs/arm.yaml" &&
