@@ -40,7 +40,8 @@
  *   set           name, value
  *   fault         name, on: true or false; the fault's time window then has no effect
  *   push          body; force_n, moment_nm: [x, y, z] in the world frame at the body's origin
- *                 (optional, 0); duration_s (optional; 0: until the next push)
+ *                 (optional, 0); duration_s (optional; 0: until the next push). The answer has
+ *                 ended_n and ended_nm, force and moment of the push that it ended; 0: none acted
  *   pause, resume take effect after the present tick
  *   step          count (optional, 1): number of ticks; answered when they have run
  *   speed         factor: virtual seconds per second, 0.001 to 1000; 0: as fast as possible

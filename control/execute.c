@@ -233,6 +233,10 @@ static void finish_loop_request(struct control *control, struct control_client *
         json_pack("{s:I, s:f, s:o}", "tick", (json_int_t)answer->tick, "time_s",
                   (double)answer->time_ns * 1e-9, "state_hash", control_hash(answer->state_hash));
 
+    if (request.command == CONTROL_PUSH && body) {
+        json_object_set_new(body, "ended_n", control_number(answer->ended[0]));
+        json_object_set_new(body, "ended_nm", control_number(answer->ended[1]));
+    }
     client->request.root = NULL;
     client->waiting = WAITING_NOT;
     if (answer->verdict == REQUEST_OK) {

@@ -257,6 +257,9 @@ enum error_code plant_restart_energy(struct plant *plant);
  * origin. The push lasts until the next call for this body. RT-safe. */
 void plant_set_push(struct plant *plant, int body, const double force[3], const double moment[3]);
 
+/* Gets the sizes of force and moment of the push on a body. RT-safe. */
+void plant_push(const struct plant *plant, int body, double size[2]);
+
 /* Sets the voltage of the source without load and sag (config.supply_v) from the next step on.
  * RT-safe. */
 void plant_set_source(struct plant *plant, double supply_v);

@@ -289,6 +289,12 @@ void plant_set_push(struct plant *plant, int body, const double force[3], const 
     }
 }
 
+void plant_push(const struct plant *plant, int body, double size[2])
+{
+    size[0] = vec3_norm(plant->push[body].force);
+    size[1] = vec3_norm(plant->push[body].moment);
+}
+
 void plant_set_source(struct plant *plant, double supply_v)
 {
     plant->config.supply_v = supply_v;

@@ -71,6 +71,7 @@ struct loop_requests {
     double speed;         /* virtual seconds a second; 0 = as fast as possible */
     uint64_t step_left;   /* ticks left of the present REQUEST_STEP; 0 = none runs */
     uint64_t step_ticket; /* ticket of the present REQUEST_STEP */
+    double ended[2];      /* of the present push (struct request_answer) */
     struct loop_push push;
     struct loop_moment moment[CHECKPOINT_SLOTS];
 };

@@ -62,8 +62,10 @@ static void request_reply(struct loop *loop, uint64_t ticket, enum request_verdi
         .tick = loop->stats.ticks,
         .time_ns = loop->stats.time_ns,
         .state_hash = machine->hash ? machine->hash(machine->context) : 0,
+        .ended = {loop->requests.ended[0], loop->requests.ended[1]},
     };
 
+    loop->requests.ended[0] = loop->requests.ended[1] = 0.0;
     requests->open--;
     ring_push(&requests->answers, &answer);
 }
@@ -353,7 +355,8 @@ static enum request_verdict request_dispatch(struct loop *loop, const struct loo
                                                                  request->on, loop->stats.time_ns)
                                                 : REQUEST_RANGE;
     case REQUEST_PUSH:
-        verdict = machine->push ? machine->push(machine->context, request, loop->stats.time_ns)
+        verdict = machine->push ? machine->push(machine->context, request, loop->stats.time_ns,
+                                                loop->requests.ended)
                                 : REQUEST_UNAVAILABLE;
         if (verdict == REQUEST_OK) {
             loop_tell_push(loop, request);

@@ -16,7 +16,9 @@ struct loop_stats;
 struct request_machine {
     void *context;
     enum request_verdict (*fault)(void *context, size_t index, bool on, int64_t now_ns);
-    enum request_verdict (*push)(void *context, const struct loop_request *request, int64_t now_ns);
+    /* ended: force and moment of the push that it ends, N and N m; 0 = none acted */
+    enum request_verdict (*push)(void *context, const struct loop_request *request, int64_t now_ns,
+                                 double ended[2]);
     enum request_verdict (*set)(void *context, size_t index, double value);
     double (*get)(void *context, size_t index);
     /* save copies all state that changes in virtual time to a checkpoint slot; restore copies it

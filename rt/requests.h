@@ -99,6 +99,7 @@ struct request_answer {
     uint64_t tick; /* tick of the loop after the request */
     int64_t time_ns;
     uint64_t state_hash; /* result of plant_hash */
+    double ended[2];     /* REQUEST_PUSH: the push that it ended, N and N m; 0 = none acted */
 };
 
 /* A parameter that may change while the simulator runs. */

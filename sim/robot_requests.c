@@ -68,7 +68,7 @@ static bool push_is_bounded(const double vector[3])
 /* Pushes a body with force and moment (world frame). Without a duration, the push lasts until
  * changed. The shortest duration is a tick. */
 static enum request_verdict robot_push_body(void *context, const struct loop_request *request,
-                                            int64_t now_ns)
+                                            int64_t now_ns, double ended[2])
 {
     struct robot_requests *s = context;
     int64_t tick_ns = s->config.rig->tick_ns, duration_ns = request->duration_ns;
@@ -78,6 +78,7 @@ static enum request_verdict robot_push_body(void *context, const struct loop_req
         !push_is_bounded(request->moment_nm)) {
         return REQUEST_RANGE;
     }
+    plant_push(s->config.plant, (int)request->index, ended);
     plant_set_push(s->config.plant, (int)request->index, request->force_n, request->moment_nm);
     s->moving.pushing = s->moving.pushing || duration_ns > 0;
     s->push_until[request->index] =

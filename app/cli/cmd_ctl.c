@@ -280,8 +280,14 @@ static void print_answer(const struct ctl_options *o, const struct ctl_command *
         }
     } else if (strcmp(command->name, "push") == 0 && !json_object_get(request, "force_n") &&
                !json_object_get(request, "moment_nm")) {
-        printf("the push on %s ends, if one acted: found neither force_n nor moment_nm\n",
-               o->word[0]);
+        const double force = json_number_value(json_object_get(answer, "ended_n"));
+        const double moment = json_number_value(json_object_get(answer, "ended_nm"));
+
+        if (force > 0.0 || moment > 0.0) {
+            printf("ended the push of %g N and %g Nm on %s\n", force, moment, o->word[0]);
+        } else {
+            printf("no push acted on %s: found neither force_n nor moment_nm\n", o->word[0]);
+        }
         ctl_print_moment(command->name, answer, stdout);
     } else {
         ctl_print_moment(command->name, answer, stdout);

@@ -288,12 +288,16 @@ def command(work):
         result("what changes something says when",
                all(a.returncode == 0 and ": tick " in a.stdout for a in answers),
                answers)
+        run.ctl("pause", *at)
         pushes = [run.ctl("push", "Waist", *words, *at)
-                  for words in (("force_n=10,0,0",), ("moment_nm=0,0,0",), ("duration_s=1",), ())]
-        result("a push without force and moment says what it ends",
-               [("the push on Waist ends, if one acted" in a.stdout, a.returncode,
-                 ": tick " in a.stdout) for a in pushes]
-               == [(False, 0, True)] * 2 + [(True, 0, True)] * 2, pushes)
+                  for words in (("force_n=6,8,0", "moment_nm=0,0,2"), (), (),
+                                ("force_n=1,0,0", "duration_s=9"), ("duration_s=1",))]
+        run.ctl("resume", *at)
+        said = ("push: tick", "ended the push of 10 N and 2 Nm on Waist\n",
+                "no push acted on Waist", "push: tick", "ended the push of 1 N and 0 Nm on Waist\n")
+        result("a push without force and moment says which push it ended",
+               all(a.returncode == 0 and a.stdout.startswith(text) and ": tick " in a.stdout
+                   for a, text in zip(pushes, said)), pushes)
         answer = run.ctl("get", "supply_v", *at)
         result("a tunable has value, unit and range", answer.returncode == 0
                and " V " in answer.stdout, answer)
