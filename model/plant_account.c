@@ -6,8 +6,8 @@
  * checks two laws, over a window and since the account began:
  *
  *   motion   the stored energy of bodies, drives and springs grows at most by the work of the
- *            motors' torques Kt I, of pretensions, contacts and pushes, minus the losses of rotors
- *            and series springs;
+ *            motors' torques Kt I, of cylinders, of rotors whose motion external boards impose, of
+ *            pretensions, contacts and pushes, minus the losses of rotors and series springs;
  *   contact  contacts give the bodies at most the energy that they had stored.
  *
  * The implicit integrator integrates the work of contacts and pushes exactly. Other integrators
@@ -33,13 +33,24 @@ void plant_account_step(struct plant *plant, double h)
 
     for (size_t d = 0; d < plant->ndrive; d++) {
         const struct robot_sea *sea = &plant->sea[d];
+        const size_t j = plant->drive_joint[d];
         const double *y = plant->state + plant_drive_offset(plant, d), speed = y[DRIVE_MOTOR_SPEED];
-        const double power = sea->Kt * y[DRIVE_CURRENT] * speed;
-        const double twist = speed - plant_joint_rate(plant, plant->state, plant->drive_joint[d]);
+        const double twist = speed - plant_joint_rate(plant, plant->state, j);
+        /* An imposed rotor gives the spring's torque; its own motion comes from outside */
+        const bool imposed = plant->condition[d] & DRIVE_IMPOSED;
+        const double power = speed * (imposed ? plant_drive_torque(plant, plant->state, d)
+                                              : sea->Kt * y[DRIVE_CURRENT]);
 
         in += power;
         turnover += fabs(power);
-        lost += sea->Dm * speed * speed + sea->Ds * twist * twist;
+        lost += (imposed ? 0.0 : sea->Dm * speed * speed) + sea->Ds * twist * twist;
+    }
+    for (size_t c = 0; c < plant->nhydraulic; c++) {
+        const double power = plant_hydraulic_torque(plant, plant->state, c) *
+                             plant_joint_rate(plant, plant->state, plant->hydraulic_joint[c]);
+
+        in += power;
+        turnover += fabs(power);
     }
     for (size_t s = 0; s < plant->nspring; s++) {
         const size_t j = plant->spring_joint[s];
@@ -90,6 +101,27 @@ static bool find_created(const struct plant *plant, const struct plant_account_m
     return created->energy_j > ACCOUNT_SHARE * created->turnover_j + lift;
 }
 
+/* Computes the stored energy without the oil and without imposed rotors, whose inertia is so large
+ * that it would hide all other energy. */
+static double stored_of_account(struct plant *plant)
+{
+    double inertia = 0.0, stored;
+
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        if (plant->condition[d] & DRIVE_IMPOSED) {
+            inertia = plant->sea[d].J;
+            plant->sea[d].J = 0.0;
+        }
+    }
+    stored = plant_stored_mechanical(plant) - plant_hydraulic_energy(plant, plant->state);
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        if (plant->condition[d] & DRIVE_IMPOSED) {
+            plant->sea[d].J = inertia;
+        }
+    }
+    return stored;
+}
+
 bool plant_check_energy(struct plant *plant, struct plant_created *created)
 {
     struct plant_account *account = &plant->account;
@@ -97,14 +129,13 @@ bool plant_check_energy(struct plant *plant, struct plant_created *created)
     struct plant_account_moment now = {.time_ns = plant->time_ns};
     bool found;
 
-    /* The account cannot measure the energy of a clamp, of a caller that writes the state, or of a
-     * pump */
-    if (plant->clamped || plant->handed_out || plant->nhydraulic > 0) {
+    /* The account cannot measure the energy of a clamp, or of a caller that writes the state */
+    if (plant->clamped || plant->handed_out) {
         account->runs = false;
         return false;
     }
     memcpy(now.sum, account->sum, sizeof now.sum);
-    now.stored = plant_stored_mechanical(plant);
+    now.stored = stored_of_account(plant);
     if (contact && plant->implicit) {
         const size_t count = contact->ops->patches(contact, plant->patch, PLANT_PATCHES);
 

@@ -79,15 +79,16 @@ TEST(a_free_body_that_starts_inside_a_table_is_refused)
     assert_refused(false, (const char *const[5]){box.name, "m deep in", "expected at most"});
 }
 
-/* Runs the rig's squat, at most for these ticks. Returns the first event with a word, or "". */
-static const char *run_for_event(uint64_t ticks, const char *word, bool *found_energy)
+/* Runs a task, at most for these ticks. Returns the first event with a word, or "". */
+static const char *run_for_event(const char *task, uint64_t ticks, const char *word,
+                                 bool *found_energy)
 {
     static char found[256];
     const struct simulator_config config = {.rig = &rig,
                                             .clock = LOOP_CLOCK_FREE,
                                             .hold = rig.hold,
                                             .transport = TRANSPORT_LOCAL,
-                                            .task = "squat",
+                                            .task = task,
                                             .ticks = ticks};
     struct simulator *simulator = rig_run_open(&config, &arena, NULL);
     char text[256];
@@ -109,17 +110,21 @@ static const char *run_for_event(uint64_t ticks, const char *word, bool *found_e
 TEST(energy_from_nowhere_is_an_event)
 {
     static const struct {
+        const char *rig, *task;
         enum plant_integrator integrator;
         int64_t substep_ns;
         double young_pa; /* of all surfaces; 0: the rig's */
         uint64_t ticks;
         const char *word; /* "": no energy appears */
     } row[] = {
-        {PLANT_IMPLICIT, 1000000, 0.0, 1500, ""},
-        {PLANT_IMPLICIT, 250000, 0.0, 500, ""},
-        {PLANT_RK4, 1000000, 0.0, 80, "the integrator diverges"},
-        {PLANT_RK4, 500000, 0.0, 300, "integrator: implicit"},
-        {PLANT_IMPLICIT, 1000000, 1e12, 600, "materials are too stiff"},
+        {"coman", "squat", PLANT_IMPLICIT, 1000000, 0.0, 1500, ""},
+        {"coman", "squat", PLANT_IMPLICIT, 250000, 0.0, 500, ""},
+        {"coman", "squat", PLANT_RK4, 1000000, 0.0, 80, "the integrator diverges"},
+        {"coman", "squat", PLANT_RK4, 500000, 0.0, 300, "integrator: implicit"},
+        {"coman", "squat", PLANT_IMPLICIT, 1000000, 1e12, 600, "materials are too stiff"},
+        {"hyq", "hold", PLANT_IMPLICIT, 1000000, 0.0, 1500, ""},
+        {"hyq-leg", "hold", PLANT_IMPLICIT, 1000000, 0.0, 1500, ""},
+        {"hyq", "hold", PLANT_RK4, 1000000, 0.0, 300, "the integrator diverges"},
     };
 
     for (size_t i = 0; i < ARRAY_COUNT(row); i++) {
@@ -127,7 +132,7 @@ TEST(energy_from_nowhere_is_an_event)
         const char *event;
         bool found;
 
-        rig_run_load("coman", &arena, &rig);
+        rig_run_load(row[i].rig, &arena, &rig);
         assert_true(rig.contact.nsurface <= ARRAY_COUNT(surface));
         memcpy(surface, rig.contact.surface, rig.contact.nsurface * sizeof *surface);
         for (size_t s = 0; s < rig.contact.nsurface && row[i].young_pa > 0.0; s++) {
@@ -137,7 +142,7 @@ TEST(energy_from_nowhere_is_an_event)
         rig.integrator = row[i].integrator;
         rig.substep_ns = row[i].substep_ns;
         rig.substeps = (size_t)(rig.tick_ns / rig.substep_ns);
-        event = run_for_event(row[i].ticks, "energy from nowhere", &found);
+        event = run_for_event(row[i].task, row[i].ticks, "energy from nowhere", &found);
         assert_int_equal(found, row[i].word[0] != '\0');
         if (!strstr(event, row[i].word) || (event[0] && !row[i].word[0])) {
             fail_msg("row %zu: %s", i, event);
@@ -159,7 +164,7 @@ TEST(a_body_that_sinks_through_its_layers_is_an_event)
         surface[s].material.backing_pa_per_m = 0.0;
     }
     rig.contact.surface = surface;
-    event = run_for_event(200, "deep in ground", &found);
+    event = run_for_event("squat", 200, "deep in ground", &found);
     if (!strstr(event, "right_foot is 0.02") || !strstr(event, "(0.021 m)")) {
         fail_msg("found \"%s\"", event);
     }

@@ -38,6 +38,7 @@ struct bench {
     struct robot_sea sea; /* of the joint; both also after the run */
     double count;         /* of the angle that the board's frames tell, rad */
     uint64_t hash;
+    bool found_energy;
     int silent, heard, silent_ms; /* in the log; the last figure */
 };
 
@@ -153,6 +154,7 @@ static inline void bench_run(struct bench *bench)
     assert_int_equal(simulator_run(bench->simulator), LOOP_END_LENGTH);
     bench_read_log(bench);
     bench->hash = plant_hash(simulator_plant(bench->simulator));
+    bench->found_energy = simulator_found_energy(bench->simulator);
     if (bench->record) {
         assert_ok(simulator_finish_recording(bench->simulator, &counters, &error));
     }

@@ -112,6 +112,36 @@ TEST(a_board_may_be_replaced_by_a_real_one)
     assert_int_equal(bench.heard, 1);
 }
 
+/* The frames of the real board alone; nothing reads the state, which would stop the account. With
+ * frames far apart the rotor jumps. */
+static void plain_step(struct bench *bench, int64_t ms)
+{
+    struct bus_frame frame;
+
+    while (can_receive(bench->ports.port[BUS], &frame, 1) == 1) {
+    }
+    for (size_t i = 0; i < real.count[ms] && (!bench->test || ms % 50 == 0); i++) {
+        bench_send(bench, &real.frame[ms][i]);
+    }
+}
+
+TEST(the_energy_account_holds_what_an_external_board_moves)
+{
+    for (int jumps = 0; jumps < 2; jumps++) {
+        struct bench bench = {.rig = "coman-compact",
+                              .step = plain_step,
+                              .stands = true,
+                              .test = jumps ? &real : NULL,
+                              .task = "squat",
+                              .ticks = TICKS};
+
+        bench_run(&bench);
+        if (bench.found_energy) {
+            fail_msg("jumps: %d", jumps);
+        }
+    }
+}
+
 TEST(a_recording_brings_its_frames_back)
 {
     static struct bench bench, played;
