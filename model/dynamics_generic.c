@@ -224,6 +224,55 @@ static void generic_implicit(const struct dynamics *d, const double *q, const do
     articulated_body(d, false, q, v, tau, ext, extra, added, vdot);
 }
 
+/* Computes accelerations by torques alone (struct dynamics_ops). Only the ways from the torques to
+ * the base are walked inward, and outward only what they move. */
+static void generic_respond(const struct dynamics *d, const double *tau, double *vdot)
+{
+    const struct generic *g = d->work;
+    struct link_state *state = g->state;
+
+    memset(vdot, 0, d->robot->nv * sizeof *vdot);
+    memset(g->moved, 0, g->nbody * sizeof *g->moved);
+    for (size_t b = g->nbody - 1; b > 0; b--) {
+        const double own = tau[b - 1];
+        struct link_state *parent = &state[g->parent[b]];
+
+        if (!g->moved[b] && own != 0.0) {
+            memset(&state[b].p, 0, sizeof state[b].p);
+            g->moved[b] = true;
+        }
+        if (g->moved[b]) {
+            if (!g->moved[g->parent[b]]) {
+                memset(&parent->p, 0, sizeof parent->p);
+                g->moved[g->parent[b]] = true;
+            }
+            BY_JOINT(&g->link[b], inward_response, &g->link[b], own, &state[b], parent);
+        }
+    }
+    memset(&state[0].a, 0, sizeof state[0].a);
+    if (g->moved[0] && d->robot->floating) {
+        spatial_inertia_solve(&state[0].A, &state[0].p, &state[0].a);
+        for (int m = 0; m < 3; m++) {
+            vdot[BASE_V_LINEAR + m] = state[0].a.l[m] = -state[0].a.l[m];
+            vdot[BASE_V_ANGULAR + m] = state[0].a.a[m] = -state[0].a.a[m];
+        }
+    } else {
+        g->moved[0] = false;
+    }
+    for (size_t b = 1; b < g->nbody; b++) {
+        const struct link_state *parent = &state[g->parent[b]];
+
+        if (!g->moved[b] && g->moved[g->parent[b]]) {
+            state[b].u = 0.0;
+            g->moved[b] = true;
+        }
+        if (g->moved[b]) {
+            BY_JOINT(&g->link[b], outward_response, &g->link[b], parent, &state[b],
+                     &vdot[g->first + b - 1]);
+        }
+    }
+}
+
 /* Computes the inverse dynamics by the recursive Newton-Euler algorithm (struct dynamics_ops). */
 static void generic_inverse(const struct dynamics *d, const double *q, const double *v,
                             const double *vdot, const struct wrench *ext, double *f)
@@ -341,6 +390,7 @@ enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,
         .name = "generic",
         .forward = generic_forward,
         .implicit = generic_implicit,
+        .respond = generic_respond,
         .inverse = generic_inverse,
         .kinematics = generic_kinematics,
         .velocities = generic_kinematics,
@@ -352,8 +402,10 @@ enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,
     struct link_state *state = arena_alloc(arena, robot->nbody, sizeof *state);
     double *q = arena_alloc(arena, robot->nq, sizeof *q);
     double *v = arena_alloc(arena, robot->nv, sizeof *v);
+    int *parent = arena_alloc(arena, robot->nbody, sizeof *parent);
+    bool *moved = arena_alloc(arena, robot->nbody, sizeof *moved);
 
-    if (!g || !link || !state || !q || !v) {
+    if (!g || !link || !state || !q || !v || !parent || !moved) {
         return error_set(error, ERROR_MEMORY, "no memory for the dynamics of %s", robot->name);
     }
 
@@ -364,11 +416,14 @@ enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,
         generic_prepare_link(body, b > 0 ? &robot->joint[b - 1] : NULL,
                              b > 0 ? &link[body->parent] : NULL, &link[b]);
         memcpy(state[b].r, link[b].origin, sizeof state[b].r);
+        parent[b] = body->parent;
     }
     *g = (struct generic){.nbody = robot->nbody,
                           .first = robot->nv - robot->njoint,
                           .link = link,
                           .state = state,
+                          .parent = parent,
+                          .moved = moved,
                           .q = q,
                           .v = v};
     *out = (struct dynamics){.ops = &ops, .robot = robot, .work = g};

@@ -57,6 +57,10 @@ struct generic {
     size_t first; /* index in q and v of the first joint */
     struct link *link;
     struct link_state *state;
+    /* for respond, by body: its parent, and whether the torques move it. Apart from the links,
+     * which are too large to be visited without need */
+    int *parent;
+    bool *moved;
     /* arguments of the stored results; equal arguments reuse the results */
     double *q, *v;
     bool turned_known; /* c, s and r are valid for q */
@@ -370,6 +374,31 @@ INLINE void outward_acceleration(enum joint_type type, int k, const struct link 
     } else {
         state->a.l[k] += *qdd;
     }
+}
+
+/* Adds the force that the joint transmits to the parent's, for torques alone and with the inertias
+ * of inward_articulated. */
+INLINE void inward_response(enum joint_type type, int k, const struct link *link, double tau,
+                            struct link_state *state, struct link_state *parent)
+{
+    struct spatial p = state->p;
+
+    state->u = tau - (type == JOINT_REVOLUTE ? p.a[k] : p.l[k]);
+    for (int m = 0; m < 3; m++) {
+        p.a[m] += state->U.a[m] * (state->u * state->inverse_d);
+        p.l[m] += state->U.l[m] * (state->u * state->inverse_d);
+    }
+    force_up(k, link, state, &p, &parent->p);
+}
+
+/* Computes the accelerations that these forces cause. */
+INLINE void outward_response(enum joint_type type, int k, const struct link *link,
+                             const struct link_state *parent, struct link_state *state, double *qdd)
+{
+    motion_down(k, link, state, &parent->a, &state->a);
+    *qdd = (state->u - vec3_dot(state->U.a, state->a.a) - vec3_dot(state->U.l, state->a.l)) *
+           state->inverse_d;
+    *(type == JOINT_REVOLUTE ? &state->a.a[k] : &state->a.l[k]) += *qdd;
 }
 
 /* Computes the body's acceleration from a given joint acceleration. */

@@ -367,6 +367,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->stop_torque, robot->njoint);
     TAKE(im->lower, robot->njoint);
     TAKE(im->upper, robot->njoint);
+    TAKE(im->unit, robot->njoint);
     TAKE(im->compliance, robot->ncoupling);
     TAKE(im->pull, robot->ncoupling);
     TAKE(im->column, robot->ncoupling * robot->nv);
@@ -404,6 +405,16 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     for (size_t j = 0; ok && j < robot->njoint; j++) {
         im->lower[j] = robot->joint[j].lower;
         im->upper[j] = robot->joint[j].upper;
+    }
+
+    /* Couplings need dynamics that respond to them */
+    im->tree = plant->config.dynamics;
+    if (ok && robot->ncoupling > 0 && !im->tree->ops->respond) {
+        struct dynamics *numeric = arena_alloc(arena, 1, sizeof *numeric);
+        struct error error;
+
+        ok = numeric && !dynamics_generic(robot, arena, numeric, &error);
+        im->tree = numeric;
     }
 
     /* Find the index of each contact body among the observed bodies */

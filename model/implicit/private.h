@@ -161,6 +161,9 @@ struct implicit {
     double *compliance, *pull;
     /* column: nv numbers per coupling; factor: n x n; see model/coupling.h */
     double *column, *factor;
+    double *unit; /* torques of one coupling, by joint */
+    /* the dynamics of P: the plant's, or numeric ones if those cannot respond to couplings */
+    const struct dynamics *tree;
     double *force; /* N m or N */
 
     /* Contact */

@@ -11,8 +11,8 @@
  * leader. The force of a coupling is
  *   F = K (e + h e') + D e' + h (D + h K) w^T a,
  * for any stiffness. This is a rank-one term added to the tree's matrix, outside the tree's
- * structure. So the tree is solved once more for each coupling (a column), and the forces follow
- * from a linear system with one row per coupling (model/coupling.h).
+ * structure. So the tree's response to each coupling is computed (a column), and the forces
+ * follow from a linear system with one row per coupling (model/coupling.h).
  */
 #include "model/coupling.h"
 #include "model/implicit/private.h"
@@ -131,7 +131,7 @@ static void prepare_free_bodies(struct plant *plant)
 static void solve_uncoupled(struct plant *plant, const struct spatial *w, double *a)
 {
     struct implicit *im = plant->implicit;
-    const struct dynamics *dynamics = plant->config.dynamics;
+    const struct dynamics *dynamics = im->tree;
     size_t nbody = plant->config.robot->nbody, nv = plant->config.robot->nv;
     const double *v = im->point + plant->at.v;
 
@@ -153,25 +153,16 @@ static void solve_uncoupled(struct plant *plant, const struct spatial *w, double
         /* Correct the accelerations for the joint couplings */
         if (plant->config.robot->ncoupling > 0) {
             if (!w) {
-                /* Fill column and factor from extra, torque, added, ext and the accelerations a of
-                 * the tree without couplings */
                 const struct robot *robot = plant->config.robot;
 
-                /* Compute the change of the accelerations by a unit load on the joints */
+                /* Compute the change of the accelerations by a unit load on the joints. unit is 0
+                 * between the couplings */
                 for (size_t i = 0; i < robot->ncoupling; i++) {
                     const struct robot_coupling *coupling = &robot->coupling[i];
-                    double *follower = &im->torque[coupling->follower],
-                           *leader = &im->torque[coupling->leader];
-                    double *column = im->column + i * robot->nv;
-                    const double before[2] = {*follower, *leader};
 
-                    *follower += 1.0;
-                    *leader -= coupling->multiplier;
-                    dynamics->ops->implicit(dynamics, plant->q, v, im->torque, im->ext, im->extra,
-                                            im->added, column);
-                    *follower = before[0];
-                    *leader = before[1];
-                    add_scaled(-1.0, a, column, robot->nv);
+                    coupling_press(coupling, -1.0, im->unit);
+                    dynamics->ops->respond(dynamics, im->unit, im->column + i * robot->nv);
+                    im->unit[coupling->follower] = im->unit[coupling->leader] = 0.0;
                 }
 
                 /* Without a positive pivot the factor is NAN, and the resulting state is NAN too */

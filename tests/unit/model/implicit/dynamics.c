@@ -81,6 +81,30 @@ static double residual(const struct dynamics *d, const struct random_state *x, c
     return worst / size;
 }
 
+/* The difference between the response to torques on two joints, and what they change in vdot. */
+static double response_error(const struct dynamics *d, struct random_state *x, const double *extra,
+                             const struct added_inertia *added, const double *vdot)
+{
+    const struct robot *robot = d->robot;
+    const size_t last = robot->njoint - 1;
+    double tau[RANDOM_JOINTS] = {0}, more[COORDINATES], change[COORDINATES];
+    double worst = 0.0, size = 1.0;
+
+    tau[last] = 1.5;
+    tau[last / 2] -= 0.7;
+    d->ops->implicit(d, x->q, x->v, x->tau, x->ext, extra, added, more);
+    d->ops->respond(d, tau, change);
+    for (size_t j = 0; j < robot->njoint; j++) {
+        x->tau[j] += tau[j];
+    }
+    d->ops->implicit(d, x->q, x->v, x->tau, x->ext, extra, added, more);
+    for (size_t i = 0; i < robot->nv; i++) {
+        worst = fmax(worst, fabs(more[i] - vdot[i] - change[i]));
+        size = fmax(size, fabs(more[i]) + fabs(vdot[i]));
+    }
+    return worst / size;
+}
+
 TEST(the_equation_with_added_inertia_holds)
 {
     uint64_t seed = 7;
@@ -108,6 +132,7 @@ TEST(the_equation_with_added_inertia_holds)
         assert_ok(dynamics_generic(&tree.robot, &arena, &d, &error));
         d.ops->implicit(&d, x.q, x.v, x.tau, x.ext, extra, added, vdot);
         worst = fmax(worst, residual(&d, &x, extra, added, vdot));
+        worst = fmax(worst, response_error(&d, &x, extra, added, vdot));
         arena_fini(&arena);
     }
     print_message("largest relative residual of %d trees: %.1e\n", CASES, worst);
