@@ -190,10 +190,11 @@ const struct contact_wrench *plant_contact_wrenches(const struct plant *plant);
  * the state was set between steps, it is the force of the last sample. RT-safe. */
 const double *plant_contact_peaks(const struct plant *plant);
 
-/* Computes the mean force on contact body c over the last plant_step, world frame, N: the impulse
- * divided by the duration. It is exact for the implicit integrator's scheme. In the other cases of
- * plant_contact_peaks it is the force of the last sample. RT-safe. */
-void plant_contact_mean(const struct plant *plant, size_t c, double force[3]);
+/* Computes the mean wrench on contact body c over the last plant_step, world frame: the impulse
+ * divided by the duration. The moment is about the body's origin at the last sample, not about an
+ * origin that moves. It is exact for the implicit integrator's scheme. In the other cases of
+ * plant_contact_peaks it is the wrench of the last sample. RT-safe. */
+void plant_contact_mean(const struct plant *plant, size_t c, struct contact_wrench *mean);
 
 /* Copies at most max contact patches of the last sample and returns their number. A patch is the
  * wrench of one pair in contact. Call it before the next plant_step or plant_energy. RT-safe. */

@@ -221,7 +221,7 @@ static bool allocate_plant(struct plant *plant, struct arena *arena)
     TAKE(plant->contact_wrench, ncontact);
     TAKE(plant->peak, ncontact);
     TAKE(plant->peak_force, ncontact);
-    TAKE(plant->impulse, 3 * ncontact);
+    TAKE(plant->impulse, ncontact);
     TAKE(plant->live, plant->nbristle / CONTACT_BRISTLE);
     ok = ok && plant_contact_create(plant, arena);
     TAKE(plant->whole_motion, robot->nbody);

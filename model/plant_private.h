@@ -157,8 +157,8 @@ struct plant {
     struct contact_wrench *sampled_wrench;
     struct contact_wrench *peak; /* by contact body: wrench with the largest force in the steps */
     double *peak_force;          /* by contact body: magnitude of that force, N */
-    /* by contact body: impulse in the steps, three numbers each, N s */
-    double *impulse;
+    /* by contact body: impulse in the steps, N s, and its moment about the world's origin */
+    struct contact_wrench *impulse;
     double impulse_s; /* duration of the impulses */
     struct body_acceleration *acceleration;
     /* Only with bending, by body: acceleration, and load on the joint that moves the body, world

@@ -95,7 +95,7 @@ void plant_forget_peaks(struct plant *plant)
 {
     memset(plant->peak, 0, plant->config.ncontact * sizeof *plant->peak);
     memset(plant->peak_force, 0, plant->config.ncontact * sizeof *plant->peak_force);
-    memset(plant->impulse, 0, 3 * plant->config.ncontact * sizeof *plant->impulse);
+    memset(plant->impulse, 0, plant->config.ncontact * sizeof *plant->impulse);
     plant->impulse_s = 0.0;
 }
 
@@ -277,12 +277,21 @@ const double *plant_contact_peaks(const struct plant *plant)
     return plant->peak_force;
 }
 
-void plant_contact_mean(const struct plant *plant, size_t c, double force[3])
+void plant_contact_mean(const struct plant *plant, size_t c, struct contact_wrench *mean)
 {
-    for (int i = 0; i < 3; i++) {
-        force[i] = plant->impulse_s > 0.0 ? plant->impulse[3 * c + (size_t)i] / plant->impulse_s
-                                          : plant->sampled_wrench[c].force[i];
+    const double *p = plant->sampled_motion[plant->config.contact_body[c]].p;
+    double shift[3];
+
+    if (plant->impulse_s == 0.0) {
+        *mean = plant->sampled_wrench[c];
+        return;
     }
+    for (int i = 0; i < 3; i++) {
+        mean->force[i] = plant->impulse[c].force[i] / plant->impulse_s;
+        mean->moment[i] = plant->impulse[c].moment[i] / plant->impulse_s;
+    }
+    vec3_cross(p, mean->force, shift);
+    vec3_sub(mean->moment, shift, mean->moment);
 }
 
 size_t plant_patches(const struct plant *plant, struct contact_patch *patch, size_t max)

@@ -9,7 +9,7 @@
 
 enum {
     SIGNALS_PER_JOINT = 5,
-    SIGNALS_PER_CONTACT = 10,
+    SIGNALS_PER_CONTACT = 13,
     SIGNALS_PER_PAIR = 6,
     SIGNALS_BASE = 7,
     SIGNALS_PER_FREE = 7,
@@ -93,10 +93,14 @@ double *simulator_fill_signals(const struct simulator *simulator, double *to)
 
     /* Contact, by body and by pair */
     for (size_t c = 0; c < rig->contact.nbody; c++) {
+        struct contact_wrench mean;
+
+        plant_contact_mean(simulator->plant, c, &mean);
         memcpy(to, wrench[c].force, sizeof wrench[c].force);
         memcpy(to + 3, wrench[c].moment, sizeof wrench[c].moment);
         to[6] = plant_contact_peaks(simulator->plant)[c];
-        plant_contact_mean(simulator->plant, c, to + 7);
+        memcpy(to + 7, mean.force, sizeof mean.force);
+        memcpy(to + 10, mean.moment, sizeof mean.moment);
         to += SIGNALS_PER_CONTACT;
     }
 
@@ -285,8 +289,9 @@ static void title_add_recorded(struct title_list *list, const struct rig *rig)
     static const char *const joint[SIGNALS_PER_JOINT] = {"q_*_rad", "qm_*_rad", "torque_*_nm",
                                                          "current_*_a", "voltage_*_v"};
     static const char *const wrench[SIGNALS_PER_CONTACT] = {
-        "fx_*_n",  "fy_*_n",   "fz_*_n",      "mx_*_nm",     "my_*_nm",
-        "mz_*_nm", "peak_*_n", "mean_fx_*_n", "mean_fy_*_n", "mean_fz_*_n"};
+        "fx_*_n",       "fy_*_n",       "fz_*_n",      "mx_*_nm",     "my_*_nm",
+        "mz_*_nm",      "peak_*_n",     "mean_fx_*_n", "mean_fy_*_n", "mean_fz_*_n",
+        "mean_mx_*_nm", "mean_my_*_nm", "mean_mz_*_nm"};
     static const char *const base[SIGNALS_BASE] = {"base_x_m", "base_y_m", "base_z_m", "base_qw",
                                                    "base_qx",  "base_qy",  "base_qz"};
     static const char *const free_body[SIGNALS_PER_FREE] = {"*_x_m", "*_y_m", "*_z_m", "*_qw",

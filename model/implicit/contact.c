@@ -418,7 +418,17 @@ void implicit_gather_wrenches(struct plant *plant)
                              IMPLICIT_GAMMA * (im->wrench[c].moment[i] - im->wrench_1[c].moment[i]);
         }
         plant_raise_peak(plant, c, &mean);
-        vec3_add_scaled(plant->impulse + 3 * c, im->h, mean.force, plant->impulse + 3 * c);
+
+        /* Add the impulse, with its moment about the world's origin */
+        struct contact_wrench *sum = &plant->impulse[c];
+        double moment[2][3];
+
+        vec3_cross(im->origin_1[c], w_1, moment[0]);
+        vec3_cross(implicit_motion(plant, (int)c)->p, w, moment[1]);
+        vec3_add_scaled(sum->force, im->h, mean.force, sum->force);
+        vec3_add_scaled(sum->moment, im->h, mean.moment, sum->moment);
+        vec3_add_scaled(sum->moment, im->h - im->stage_h, moment[0], sum->moment);
+        vec3_add_scaled(sum->moment, im->stage_h, moment[1], sum->moment);
     }
 }
 

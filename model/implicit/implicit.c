@@ -104,6 +104,11 @@ static enum error_code take_first_stage(struct plant *plant)
     }
     memcpy(im->u_1, im->u, im->na * sizeof *im->u_1);
     memcpy(im->wrench_1, im->wrench, plant->config.ncontact * sizeof *im->wrench_1);
+    for (size_t t = 0; t < im->ntouched; t++) {
+        const int c = im->touched[t];
+
+        memcpy(im->origin_1[c], implicit_motion(plant, c)->p, sizeof im->origin_1[c]);
+    }
     account_stage(plant, rest);
 
     /* Account for the powers of the joints at the solved stage */
@@ -382,6 +387,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->touched, ncontact);
     TAKE(im->wrench, ncontact);
     TAKE(im->wrench_1, ncontact);
+    TAKE(im->origin_1, ncontact);
     TAKE(im->free_inertia, nfree);
     TAKE(im->free_load, nfree);
     TAKE(im->a, im->na);

@@ -176,6 +176,7 @@ struct implicit {
     struct spatial_inertia *contact_inertia; /* by contact body: A_b, world, about its origin */
     struct contact_wrench *wrench;           /* by contact body, at the stage */
     struct contact_wrench *wrench_1;         /* at the first stage */
+    double (*origin_1)[3];                   /* by contact body: its origin at the first stage */
     double contact_power;                    /* power of the wrenches, W */
     bool coupled;                            /* at least one pair is between two moving bodies */
     size_t nobserved;

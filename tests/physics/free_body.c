@@ -328,11 +328,22 @@ TEST_ON(robot_and_box_exchange_momentum, free_rig, rig)
     assert_true(rig->tie.impulse > 10.0 && given > 0.1);
 }
 
-/* The mean force of a tick times its length is what the box's momentum has changed by, however much
- * the force changes within; at 5 ms ticks of ten steps. */
-TEST_ON(mean_force_is_the_momentum_received, free_rig, rig)
+/* World, about the world's origin */
+static void whole_angular_momentum(const struct free_rig *rig, double L[3])
 {
-    double changed = 0.0, least = INFINITY;
+    double orbit[3];
+
+    angular_momentum(rig, L);
+    vec3_cross(rig->free + PLANT_FREE_POSITION, rig->free + PLANT_FREE_VELOCITY, orbit);
+    vec3_add_scaled(L, rig->body[0].inertia.mass, orbit, L);
+}
+
+/* The mean wrench of a tick times its length is what the box's momentum and angular momentum have
+ * changed by, however much the wrench changes within; at 5 ms ticks of ten steps. */
+TEST_ON(mean_wrench_is_the_momentum_received, free_rig, rig)
+{
+    const double tick = 10 * 500000e-9;
+    double changed = 0.0, least = INFINITY, most = 0.0, off = 0.0, off_at_ticks = 0.0;
 
     free_rig_tied(rig, 500000);
     rig->config.integrator = PLANT_IMPLICIT;
@@ -341,23 +352,37 @@ TEST_ON(mean_force_is_the_momentum_received, free_rig, rig)
     memcpy(rig->body[0].v, (const double[3]){0.5, 1.0, -0.7}, sizeof rig->body[0].v);
     free_rig_start(rig);
     for (int k = 0; k < 100; k++) {
-        double before[3], mean[3];
+        const struct contact_wrench *wrench = &plant_contact_wrenches(rig->plant)[1];
+        const double *p = plant_motion(rig->plant)[rig->toy.robot.nbody].p;
+        struct contact_wrench mean;
+        double before[3], L[2][3], moment[2][3];
 
         memcpy(before, rig->free + PLANT_FREE_VELOCITY, sizeof before);
+        whole_angular_momentum(rig, L[0]);
         assert_ok(plant_step(rig->plant, 10));
         assert_ok(plant_sample(rig->plant));
-        plant_contact_mean(rig->plant, 1, mean);
+        plant_contact_mean(rig->plant, 1, &mean);
+        whole_angular_momentum(rig, L[1]);
+        vec3_cross(p, mean.force, moment[0]);
+        vec3_cross(p, wrench->force, moment[1]);
         for (int i = 0; i < 3; i++) {
-            const double force =
-                1.5 * (rig->free[PLANT_FREE_VELOCITY + i] - before[i]) / (10 * 500000e-9);
+            const double force = 1.5 * (rig->free[PLANT_FREE_VELOCITY + i] - before[i]) / tick;
+            const double turn = (L[1][i] - L[0][i]) / tick;
 
-            assert_near(mean[i], force, 1e-6 * (1.0 + fabs(force)));
-            changed = fmax(changed, fabs(force - plant_contact_wrenches(rig->plant)[1].force[i]));
+            assert_near(mean.force[i], force, 1e-6 * (1.0 + fabs(force)));
+            changed = fmax(changed, fabs(force - wrench->force[i]));
             least = fmin(least, force);
+            most = fmax(most, fabs(turn));
+            off = fmax(off, fabs(mean.moment[i] + moment[0][i] - turn));
+            off_at_ticks = fmax(off_at_ticks, fabs(wrench->moment[i] + moment[1][i] - turn));
         }
     }
-    print_message("# forces at ticks are up to %.0f N off their means\n", changed);
+    print_message(
+        "# forces at ticks are up to %.0f N off their means; of moments of up to %.1f N m "
+        "means are off by %.1e, those at ticks by %.1f\n",
+        changed, most, off, off_at_ticks);
     assert_true(changed > 10.0 && least < 0.0);
+    assert_true(off < 1e-3 * most && off_at_ticks > 0.1 * most);
 }
 
 /* Work that the tie does on the one is taken from the other: nothing is lost but what it damps. */
