@@ -57,10 +57,17 @@ static enum error_code board_check_keys(struct rig_builder *b, const struct raw_
     const unsigned motor = 1 << BOARD_MOTOR, ft = 1 << BOARD_FT, torque = 1 << BOARD_TORQUE;
     const unsigned inertial = 1 << BOARD_INERTIAL;
     const struct rig_key keys[] = {
-        {"axes", motor, motor},    {"current_limit_a", motor, 0},
-        {"model", motor, 0},       {"joints", torque, torque},
-        {"sensor", ft, ft},        {"full_scale_n", ft, ft},
-        {"full_scale_nm", ft, ft}, {"period_s", ft | torque | inertial, 0},
+        {"axes", motor, motor},
+        {"current_limit_a", motor, 0},
+        {"current_factor", motor, 0},
+        {"torque_factor", motor, 0},
+        {"torque_offset_nm", motor, 0},
+        {"model", motor, 0},
+        {"joints", torque, torque},
+        {"sensor", ft, ft},
+        {"full_scale_n", ft, ft},
+        {"full_scale_nm", ft, ft},
+        {"period_s", ft | torque | inertial, 0},
     };
 
     return rig_check_keys(b, &raw->mark, what[raw->board.kind], raw->board.kind, keys,
@@ -175,6 +182,9 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     if (yaml_has(&raw->mark, "current_limit_a")) {
         axis->current_limit_a = raw->current_limit_a;
     }
+    axis->current_factor = raw->current_factor;
+    axis->torque_factor = raw->torque_factor;
+    axis->torque_offset_nm = raw->torque_offset_nm;
     if (!strcmp(name->name, "spare")) {
         return ERROR_NONE;
     }
@@ -430,6 +440,8 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     const struct protocol *protocol = b->bus[bus].protocol;
     enum error_code code = board_check_keys(b, raw);
     struct raw_board merged;
+    static const char *const described[] = {"model", "current_factor", "torque_factor",
+                                            "torque_offset_nm"};
     char name[80];
     int model = 0;
 
@@ -437,11 +449,13 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     code = code ? code : board_check_external(b, raw, protocol);
     if (!code && b->bus[bus].described) {
         code = board_check_described(b, raw, b->bus[bus].described, &model);
-    } else if (!code && raw->model) {
-        code = yaml_error(b->error, yaml_place(&raw->mark, "model"),
-                          "found a model on a bus with protocol %s, expected a protocol of a file "
-                          "with models",
-                          protocol->name);
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(described) && !code && !b->bus[bus].described; i++) {
+        if (yaml_has(&raw->mark, described[i])) {
+            code = yaml_error(b->error, yaml_place(&raw->mark, described[i]),
+                              "found %s on a bus with protocol %s, expected a protocol of a file",
+                              described[i], protocol->name);
+        }
     }
     if (code) {
         return code;

@@ -308,7 +308,71 @@ static void protocol_put_sections(struct protocol_frames *frames, FILE *out)
     }
 }
 
-enum { MEMORY = 8 << 20, NAMES_MAX = 16 };
+/* Writes how a protocol tells a fault: by a state, bits, or fields of their own; or "". */
+static void protocol_describe_fault(const struct described_protocol *described, int fault,
+                                    struct protocol_line *line)
+{
+    const bool common = fault <= DESCRIBED_OVER_TEMPERATURE;
+    const int own = described->fault_for[fault] >= 0 ? described->fault_for[fault]
+                    : fault == DESCRIBED_STALE       ? described->timeout_state
+                    : common                         ? described->fault_state
+                                                     : -1;
+    const struct described_state *state = own < 0 ? NULL : &described->state[own];
+
+    if (state && described->tells[DESCRIBED_STATE]) {
+        protocol_add_text(line, "state %s = %" PRId64 ", ", state->name, state->value);
+    }
+    if (state && described->tells[DESCRIBED_RESULT] && state->result) {
+        protocol_add_text(line, "result %" PRId64 ", ", state->result);
+    }
+    if (described->fault_bit[fault] >= 0 && described->tells[DESCRIBED_FAULTS]) {
+        protocol_add_text(line, "bit %d, ", described->fault_bit[fault]);
+    }
+    for (size_t f = 0; f < described->nframe; f++) {
+        const struct described_frame *frame = &described->frame[f];
+
+        for (size_t i = 0; i < frame->nfield; i++) {
+            if (frame->field[i].meaning == DESCRIBED_FAULT_BIT &&
+                frame->field[i].constant == fault) {
+                protocol_add_text(line, "%s.%s, ", frame->name, described_layout(frame, i)->name);
+            }
+        }
+    }
+    line->used -= line->used > 0 ? strlen(", ") : 0;
+    line->text[line->used] = '\0';
+}
+
+/* Prints a row for each fault that a protocol tells, of a list or of a table of all protocols. */
+static void protocol_put_faults(const struct described_protocol *described, bool table, FILE *out)
+{
+    for (int i = 0; i < DESCRIBED_FAULT_KINDS; i++) {
+        struct protocol_line line = {.used = 0};
+
+        protocol_describe_fault(described, i, &line);
+        if (line.used > 0) {
+            if (table) {
+                fprintf(out, "| %s ", described->name);
+            }
+            fprintf(out, table ? "| %s | %s |\n" : "- %s: %s\n", described_fault_names[i],
+                    line.text);
+        }
+    }
+}
+
+static void protocol_page_print_described(const struct described_protocol *described, FILE *out)
+{
+    const struct boards_bus_config bus = {.protocol = &protocol_described, .described = described};
+    static struct protocol_frames frames;
+
+    fprintf(out, "# What `%s` boards speak\n\n", described->name);
+    options_wrap(described->description, 0, 0, out);
+    protocol_collect(&bus, &frames);
+    protocol_put_sections(&frames, out);
+    fputs("\n## Faults\n\nHow it tells each fault:\n\n", out);
+    protocol_put_faults(described, false, out);
+}
+
+enum { MEMORY = 8 << 20, FAULTS_MEMORY = 64 << 20, NAMES_MAX = 16 };
 
 /* Prints a protocol that a file describes; name is a path or a name of the catalogue. */
 static enum error_code print_described(const char *name, struct error *error)
@@ -321,24 +385,7 @@ static enum error_code print_described(const char *name, struct error *error)
     code = code ? code : arena_init(&arena, MEMORY, error);
     code = code ? code : described_load(path, false, &arena, &protocol, error);
     if (!code) {
-        const struct described_protocol *described = protocol;
-        const struct boards_bus_config bus = {.protocol = &protocol_described,
-                                              .described = described};
-        static struct protocol_frames frames;
-
-        fprintf(stdout, "# What `%s` boards speak\n\n", described->name);
-        options_wrap(described->description, 0, 0, stdout);
-        protocol_collect(&bus, &frames);
-        protocol_put_sections(&frames, stdout);
-        if (described->tells[DESCRIBED_FAULTS]) {
-            fputs("\n## Faults\n\nThe bits of its fields of faults:\n\n", stdout);
-        }
-        for (int i = 0; i < DESCRIBED_FAULT_KINDS; i++) {
-            if (described->fault_bit[i] >= 0 && described->tells[DESCRIBED_FAULTS]) {
-                fprintf(stdout, "- bit %d: %s\n", described->fault_bit[i],
-                        described_fault_names[i]);
-            }
-        }
+        protocol_page_print_described(protocol, stdout);
     }
     arena_fini(&arena);
     return code;
@@ -364,6 +411,38 @@ static size_t list_names(const char *names[NAMES_MAX + 1], char *help, size_t si
     }
     names[count] = NULL;
     return count;
+}
+
+/* Prints how each protocol tells each fault. */
+static enum error_code print_faults(struct error *error)
+{
+    struct arena arena = {.memory = NULL};
+    struct config_entry *entry;
+    size_t count = 0;
+    enum error_code code = arena_init(&arena, FAULTS_MEMORY, error);
+
+    code = code ? code : config_list(CONFIG_PROTOCOL, &arena, &entry, &count, error);
+    puts("# How each protocol tells each fault\n\n"
+         "By a fault line such as `motor KNEE over_temperature`, or by the robot itself.\n\n"
+         "| protocol | fault | told as |\n|---|---|---|");
+    for (size_t i = 0; protocol_at(i) && !code; i++) {
+        for (int bit = 0; protocol_at(i)->text == NULL && !protocol_at(i)->needs_file &&
+                          protocol_at(i)->fault_names[bit];
+             bit++) {
+            printf("| %s | %s | bit %d |\n", protocol_at(i)->name, protocol_at(i)->fault_names[bit],
+                   bit);
+        }
+    }
+    for (size_t i = 0; i < count && !code; i++) {
+        const struct described_protocol *protocol;
+
+        code = described_load(entry[i].path, true, &arena, &protocol, error);
+        if (!code) {
+            protocol_put_faults(protocol, true, stdout);
+        }
+    }
+    arena_fini(&arena);
+    return code;
 }
 
 int cmd_protocol(int argc, char **argv)
@@ -409,6 +488,9 @@ int cmd_protocol(int argc, char **argv)
             protocol->print_appendix(stdout);
         }
         return STATUS_OK;
+    }
+    if (!strcmp(name, "faults")) {
+        return print_faults(&error) ? command_fail("protocol", &error) : STATUS_OK;
     }
     nearest = text_nearest(name, names, count);
     if (nearest) {

@@ -90,6 +90,12 @@ struct described_field described_node_field(const struct described_node *node, u
                      field, described_value(&factor->field, node->stored[axis][field->times]));
 }
 
+/* Returns a factor of the rig; 0 stands for 1. */
+static double factor_or_one(double factor)
+{
+    return factor != 0.0 ? factor : 1.0;
+}
+
 /* Returns the state that an axis reports: its own, or that of a fault while the axis is off. */
 static const struct described_state *described_reported_state(const struct described_node *node,
                                                               const struct described_axis *axis)
@@ -197,13 +203,15 @@ int64_t described_node_count(const struct described_node *node, unsigned index,
         value = axis->base.velocity_rad_s;
         break;
     case DESCRIBED_AXIS_CURRENT:
-        value = axis->base.current_a;
+        value = axis->base.current_a * factor_or_one(config->current_factor);
         break;
     case DESCRIBED_AXIS_TORQUE:
-        value = axis->base.torque_nm;
+        value =
+            axis->base.torque_nm * factor_or_one(config->torque_factor) + config->torque_offset_nm;
         break;
     case DESCRIBED_DRIVE_TORQUE:
-        value = axis->base.current_a * config->torque_nm_a;
+        value = axis->base.current_a * config->torque_nm_a * factor_or_one(config->torque_factor) +
+                config->torque_offset_nm;
         break;
     case DESCRIBED_PISTON_PRESSURE:
     case DESCRIBED_ROD_PRESSURE:

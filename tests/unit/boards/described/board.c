@@ -855,6 +855,24 @@ TEST(a_damiao_drive_has_its_registers)
     play(damiao, exchange, ARRAY_COUNT(exchange));
 }
 
+/* A drive whose firmware has another constant than its motor reports another torque: 2 A at
+ * 4.1 Nm/A are 8.2 Nm, told as 0.5 x 8.2 + 1 = 5.1 Nm, count 2208 of 4095 over 130 Nm. */
+TEST(a_drive_reports_by_the_factors_of_the_rig)
+{
+    open_bench(HIL_SOURCE_DIR "/config/protocols/cubemars-mit.yaml", 0);
+    bench_stop(base);
+    base->board[0].axis[0].torque_factor = 0.5;
+    base->board[0].axis[0].torque_offset_nm = 1.0;
+    bench_start(base);
+    base->sense[0].current_a = 2.0;
+    base->sense[0].winding_c = PLANT_AMBIENT_C;
+    bench_ticks(base, 2);
+    bench_send(base, 0, 1, "ff ff ff ff ff ff ff fd");
+    bench_tick(base);
+    bench_expect(base, 0, 0, "01 85 1e 80 08 a0 19 00");
+    close_bench();
+}
+
 /* Commands of another mode are refused by name; 10 ms of silence are 200 of register 9. */
 TEST(a_damiao_drive_obeys_its_mode_and_tells_its_faults)
 {
