@@ -35,7 +35,7 @@ END
     result $? "$1 stands where it stood"
 }
 
-echo 1..26
+echo 1..42
 hold coman-compact 400
 hold coman-described 400
 tap_show=$work/out
@@ -49,6 +49,19 @@ hold coman-odrive 1000
 still coman-odrive
 hold coman-robstride 1000
 still coman-robstride
+
+# the drives that robots of today have: each holds the robot, and each squats it as its own host
+for name in damiao robstride-mit cubemars-mit cubemars-servo myactuator-rmd vesc; do
+    hold coman-$name 1000
+    still coman-$name
+done
+for name in damiao robstride cubemars-servo vesc; do
+    tap_show=$work/out
+    timeout -k 5 100 "$program" run coman-$name --transport local --clock lockstep \
+        --control none --task squat --ticks 1500 --quiet >"$work/out" 2>&1 </dev/null &&
+        grep -q ' 0 malformed, 0 time-outs, 0 trips' "$work/out" && ! grep -qi 'fell' "$work/out"
+    result $? "coman-$name squats in lockstep"
+done
 
 # stop and its answer, the parameter of the mode, enable, commands with the torque in bits 8 to 23
 tap_show=$work/coman-robstride/candump.log

@@ -72,8 +72,8 @@ static void read_protocol(const char *file)
     enum error_code code;
 
     assert_ok(arena_init(&bench.protocols, 8u << 20, &error));
-    code = file == checked   ? described_read_text("checked", file, strlen(file), false,
-                                                   &bench.protocols, protocol, &error)
+    code = strchr(file, '\n') ? described_read_text("checked", file, strlen(file), false,
+                                                    &bench.protocols, protocol, &error)
            : file == watched ? described_read_text("watched", text, read_watched(text, sizeof text),
                                                    false, &bench.protocols, protocol, &error)
                              : described_load(file, false, &bench.protocols, protocol, &error);
@@ -853,6 +853,72 @@ TEST(a_damiao_drive_has_its_registers)
     };
 
     play(damiao, exchange, ARRAY_COUNT(exchange));
+}
+
+/* Values by name, by which a command is scaled; a saved one and one that is not; a bit that stays,
+ * and one that goes; a count that wraps. */
+TEST(the_words_for_registers_work_alone)
+{
+    static const char text[] =
+        "name: checked\nstates:\n  - {name: idle, law: \"off\"}\n"
+        "  - {name: run, value: 1, law: selected}\n"
+        "  - {name: low, value: 7, law: fault, fault: under_voltage}\n"
+        "laws: [{name: v, value: 3, law: voltage}, {name: w, value: 4, law: current}]\n"
+        "faults: {under_voltage: {bit: 0, sticky: true}, over_voltage: {bit: 1, momentary: true}}\n"
+        "models: [{name: m, values: {F: 2}}]\n"
+        "parameters:\n  - {number: 5, writable: true, field: {name: F, bits: 16, value: 1}}\n"
+        "  - {number: 6, writable: true, field: {name: L, bits: 8, source: law}}\n"
+        "  - {number: 7, field: {name: V, bits: 32, type: float, target: voltage, times: F}}\n"
+        "  - {number: 8, field: {name: C, bits: 32, type: float, value: 12.5}}\n"
+        "frames:\n"
+        "  - {name: ON, from: host, id: 0x10, by: address, payload: \"01\", enter: run, select: v, "
+        "reply: S}\n"
+        "  - {name: SAVE, from: host, id: 0x10, by: address, payload: \"02\", save: true, reply: "
+        "S}\n"
+        "  - {name: RESET, from: host, id: 0x10, by: address, payload: \"03\", restart: true, "
+        "reply: S}\n"
+        "  - {name: CLEAR, from: host, id: 0x10, by: address, payload: \"04\", clear_faults: true, "
+        "reply: S}\n"
+        "  - {name: R, from: host, id: 0x20, by: address, reply: A, fields: [{name: n, bits: 8, "
+        "target: parameter}]}\n"
+        "  - {name: W, from: host, id: 0x20, by: address, reply: A, fields: [{name: n, bits: 8, "
+        "target: parameter}, {name: x, bits: 32, target: parameter_value}]}\n"
+        "  - {name: A, from: board, id: 0x30, by: address, fields: [{name: n, bits: 8, source: "
+        "echo}, {name: x, bits: 32, source: parameter_value}]}\n"
+        "  - {name: S, from: board, id: 0x40, by: address, fields: [{name: s, bits: 8, source: "
+        "state}, {name: f, bits: 8, source: faults}, {name: l, bits: 8, source: law}, {name: p, "
+        "bits: 4, source: motor_position, scale: 0.01, wraps: true}, {name: u, bits: 1, fault: "
+        "under_voltage}, {name: a, at_bit: 30, bits: 1, source: address, wraps: true}]}\n";
+    static const struct exchange exchange[] = {
+        {0x021, 0x031, "08", "08 00 00 48 41"},
+        {0x021, 0x031, "05", "05 02 00 00 00"},
+        {0x011, 0x041, "01", "01 00 03 42"},
+        {0x021, 0x031, "07 00 00 40 40", "07 00 00 40 40"},
+        {0x021, 0x031, "05 09 00 00 00", "05 09 00 00 00"},
+        {0x011, 0x041, "02", "01 00 03 42"},
+        {0x021, 0x031, "05 03 00 00 00", "05 03 00 00 00"},
+        {0x021, 0x031, "06 04 00 00 00", "06 04 00 00 00"},
+        {0x021, 0, "06 05 00 00 00", NULL},
+        {0, 2, "20", NULL},
+        {0x011, 0x041, "01", "07 01 03 52"}, /* the fault has a state and a bit of its own */
+        {0, 2, "48", NULL},
+        {0x011, 0x041, "01", "07 01 03 52"}, /* sticky */
+        {0x011, 0x041, "04", "00 00 03 42"},
+        {0x011, 0x041, "01", "01 00 03 42"},
+        {0, 2, "70", NULL},
+        {0x011, 0x041, "01", "07 02 03 42"},
+        {0, 2, "48", NULL},
+        {0x011, 0x041, "01", "07 00 03 42"}, /* momentary: only the state remains */
+        {0x011, 0x041, "04", "00 00 03 42"},
+        {0x021, 0x031, "05", "05 03 00 00 00"},
+        {0x021, 0x031, "06 04 00 00 00", "06 04 00 00 00"},
+        {0x011, 0x041, "03", "00 00 04 42"}, /* restarts with what was saved */
+        {0, 60, "48", NULL},
+        {0x021, 0x031, "05", "05 09 00 00 00"},
+        {0x021, 0x031, "06", "06 03 00 00 00"},
+    };
+
+    play(text, exchange, ARRAY_COUNT(exchange));
 }
 
 /* A drive whose firmware has another constant than its motor reports another torque: 2 A at
