@@ -436,12 +436,29 @@ static enum error_code read_table(const struct bench *bench, const char *path, c
     return code;
 }
 
-enum error_code recording_read(const struct bench *bench, const char *path, const char *crc32,
-                               struct arena *arena, struct recording *recording,
-                               struct error *error)
+enum error_code recording_check_sum(const char *path, const char *expected, char sum[9],
+                                    struct error *error)
+{
+    char *text;
+    size_t size = 0;
+    enum error_code code = input_file_load(path, RECORDING_BYTES_MAX, &text, &size, error);
+
+    if (code) {
+        return code;
+    }
+    snprintf(sum, 9, "%08x", crc32_update(0, text, size));
+    free(text);
+    return !expected || strcmp(expected, sum) == 0
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT, "%.200s: found CRC-32 %s, expected %.16s", path, sum,
+                           expected);
+}
+
+enum error_code recording_read(const struct bench *bench, const char *path, struct arena *arena,
+                               struct recording *recording, struct error *error)
 {
     const char *word = bench->columns.gain_word;
-    char *text, sum[16];
+    char *text;
     size_t size = 0;
     enum error_code code = input_file_load(path, RECORDING_BYTES_MAX, &text, &size, error);
 
@@ -453,14 +470,10 @@ enum error_code recording_read(const struct bench *bench, const char *path, cons
                                     .gain = 1.0,
                                     .voltage_before = bench->columns.voltage_before,
                                     .is_torque = bench->columns.torque != NULL};
-    snprintf(sum, sizeof sum, "%08x", crc32_update(0, text, size));
     if (word) {
         recording->gain = find_gain(text, comment_size(text), word);
     }
-    if (crc32 && strcmp(crc32, sum) != 0) {
-        code = error_set(error, ERROR_INPUT, "%.200s: found CRC-32 %s, expected %.16s", path, sum,
-                         crc32);
-    } else if (word && !(recording->gain > 0.0)) {
+    if (word && !(recording->gain > 0.0)) {
         code = error_set(error, ERROR_INPUT,
                          "%.200s: found no \"%.63s\" with a number in the comments at its begin, "
                          "expected the gain of the servo",

@@ -90,18 +90,23 @@ static enum error_code read_recording(const struct identify_bench *bench, const 
                                       const char *crc32, struct arena *arena,
                                       struct recording *recording, struct error *error)
 {
-    enum error_code code;
+    char sum[sizeof recording->sum];
+    enum error_code code = recording_check_sum(path, crc32, sum, error);
 
-    if (!recording_is_log(path)) {
-        code = recording_read(&bench->bench, path, crc32, arena, recording, error);
-        return code ? code : check_angles(&bench->trial.joint, path, recording, error);
+    if (code) {
+        return code;
     }
-    if (crc32) {
-        return error_set(error, ERROR_INPUT,
-                         "%.200s: found key \"crc32\" for a log of candump, expected none", path);
+
+    if (recording_is_log(path)) {
+        code = recording_read_log(bench->rig, bench->trial.joint.name, &bench->bench.columns, path,
+                                  arena, recording, error);
+    } else {
+        code = recording_read(&bench->bench, path, arena, recording, error);
+        code = code ? code : check_angles(&bench->trial.joint, path, recording, error);
     }
-    return recording_read_log(bench->rig, bench->trial.joint.name, &bench->bench.columns, path,
-                              arena, recording, error);
+    memcpy(recording->sum, sum, sizeof sum);
+    recording->is_checked = crc32 != NULL;
+    return code;
 }
 
 /* Reads all recordings of a bench. */
@@ -391,6 +396,11 @@ static enum error_code judge_points(struct validation *validation, struct arena 
     return ERROR_NONE;
 }
 
+const char *validation_verdict(const struct validation *validation)
+{
+    return !validation->passed ? "failed" : validation->unchecked > 0 ? "unchecked" : "passed";
+}
+
 enum error_code validation_run(const char *path, struct arena *arena, struct validation *validation,
                                struct error *error)
 {
@@ -399,6 +409,7 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
     bool any = false;
     enum error_code code = identify_open(path, arena, bench, error);
 
+    validation->unchecked = 0;
     if (!code && bench->bench.npoint > 0) {
         return judge_points(validation, arena, error);
     }
@@ -413,6 +424,7 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
     }
     for (size_t i = 0; i < bench->nrecording; i++) {
         any |= bench->recording[i].judge;
+        validation->unchecked += !bench->recording[i].is_checked;
     }
     for (size_t i = 0; i < bench->nrecording; i++) {
         judged[i] = bench->recording[i].judge || !any ? validation->error[i] : -1.0;

@@ -178,7 +178,9 @@ struct bench {
 struct recording {
     const char *file, *group;
     bool judge;
-    size_t count; /* number of rows, at least 2, in order of time */
+    char sum[9];     /* CRC-32 of the file, hexadecimal */
+    bool is_checked; /* the bench file gives this sum */
+    size_t count;    /* number of rows, at least 2, in order of time */
     double *time, *position, *goal, *voltage;
     double *current; /* A; NULL = not measured */
     bool *enabled;
@@ -195,10 +197,13 @@ enum error_code bench_read(const char *path, struct arena *arena, struct bench *
 enum error_code bench_of_own(const char *joint, struct arena *arena, struct bench *bench,
                              struct error *error);
 
-/* Reads a recording. Lines at its start that begin with # are comments. crc32 may be NULL. */
-enum error_code recording_read(const struct bench *bench, const char *path, const char *crc32,
-                               struct arena *arena, struct recording *recording,
-                               struct error *error);
+/* Computes the CRC-32 of a recording's file, and compares it with the one expected, if any. */
+enum error_code recording_check_sum(const char *path, const char *expected, char sum[9],
+                                    struct error *error);
+
+/* Reads a recording. Lines at its start that begin with # are comments. */
+enum error_code recording_read(const struct bench *bench, const char *path, struct arena *arena,
+                               struct recording *recording, struct error *error);
 
 /* Allocates the rows of a recording, whose file must be set. ERROR_MEMORY. */
 enum error_code recording_alloc(struct recording *r, size_t count, bool has_current,
@@ -382,7 +387,12 @@ struct validation {
     double *ours; /* computed value of each point */
     double mean;  /* of the validation recordings, else of all, rad; of points, a share */
     bool passed;
+    size_t unchecked; /* number of recordings whose CRC-32 the bench file does not give */
 };
+
+/* Returns the verdict on a bench: "passed", "failed", or "unchecked" if a recording could have
+ * changed unnoticed. */
+const char *validation_verdict(const struct validation *validation);
 
 /* Returns the drive of a trial. Its effects point into the trial. */
 struct robot_sea trial_drive(const struct trial_robot *trial);

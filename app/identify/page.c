@@ -258,7 +258,7 @@ enum error_code validation_write_page(const struct validation *validation, size_
                    bench->description ? bench->description : "", points ? "%" : "rad",
                    scale * validation[i].mean, error_text(scale * best, text),
                    scale * (points ? bench->limit_share : bench->limit_rad),
-                   validation[i].passed ? "passed" : "failed");
+                   validation_verdict(&validation[i]));
     }
     for (size_t i = 0; i < count; i++) {
         add_bench(&report, &validation[i]);

@@ -10,7 +10,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 . "$source/tests/service/tap.sh"
 tap_show=$work/out
-echo "1..20"
+echo "1..21"
 
 # arm FOLDER OHM: a pendulum on a drive of the catalogue with friction by load
 arm() {
@@ -80,6 +80,14 @@ result $? "a robot of many joints is refused"
     grep -q '^passed xl330' "$work/out" && [ -s "$work/bench/index.html" ] &&
     [ "$(wc -l <"$work/out")" -ge 5 ] && [ -s "$work/bench/zeroerr-erob80-50-diagram-1.svg" ]
 result $? "the measured benches are within their limits, and a page with diagrams is there"
+
+mkdir -p "$work/config" && cp -r "$source/config/." "$work/config/"
+sed -i 's/, crc32: "[0-9a-f]*"//' "$work/config/validation/xl330.yaml"
+"$hil" validate "$work/config/validation/xl330.yaml" >"$work/out" 2>&1
+[ $? -eq 1 ] && grep -q '^unchecked xl330' "$work/out" &&
+    [ "$(grep -c 'warning: found no key "crc32" for .*kp.*csv, expected "[0-9a-f]\{8\}"' \
+        "$work/out")" -eq 8 ]
+result $? "recordings without a checksum warn, and the bench does not pass"
 
 "$hil" identify --bench robotis-xh430 --recording "$work/record/signals.csv" >"$work/out" 2>&1
 [ $? -eq 2 ] && grep -q 'found a bench of points' "$work/out"
