@@ -21,29 +21,36 @@ LOGS = ROOT / "build" / "release-check"
 # `short` stands in the place of `command` with --short, where it is given; minutes are a limit
 Check = collections.namedtuple("Check", "name proves command short minutes")
 CHECKS = [
-    Check("suite", "every test passes, and only what tests/allowed_skips.txt names is skipped",
+    Check("suite", "every test passes; only tests of tests/allowed_skips.txt are skipped",
           "./dev test --strict", None, 60),
-    Check("sanitize", "no test touches memory that it should not, leaks, or relies on undefined "
-          "behavior", "./dev sanitize", "./dev sanitize --short", 180),
-    Check("tsan", "what has threads is free of data races", "./dev tsan", None, 60),
-    Check("fresh", "a minimal Debian 12 with a clone and ./dev alone runs it and passes its tests",
+    Check("sanitize", "no invalid memory access, leak or undefined behavior", "./dev sanitize",
+          "./dev sanitize --short", 180),
+    Check("tsan", "no data races between threads", "./dev tsan", None, 60),
+    Check("fresh", "a clone with ./dev alone runs and passes its tests in a minimal Debian 12",
           "./dev fresh", "./dev fresh base_ cli_", 120),
-    Check("soak", "an hour (--short: ten minutes) of random faults breaks no rule, twice with one "
-          "hash; in real time wake-ups are as good as cyclictest's", "./dev soak",
+    Check("fresh-trixie", "the same on Debian 13", "./dev fresh --suite trixie",
+          "./dev fresh --suite trixie base_ cli_", 120),
+    Check("container", "both container files make images that work without privileges",
+          "./dev fresh --container", None, 60),
+    Check("pip", "the wheel is built, installed and used without a network",
+          "./dev test --strict python_wheel", None, 30),
+    Check("job", "examples/ci, copied into an empty folder, passes and finds a fault",
+          "./dev test --strict service_user_job", None, 30),
+    Check("soak", "an hour of random faults breaks no rule, twice with one hash; wake-ups as good "
+          "as cyclictest's", "./dev soak",
           "SOAK=600 ./dev soak soak_lockstep", 90),
-    Check("falls", "in 1,000 random falls of a limp COMAN and 125 of WALK-MAN no part goes into "
-          "the ground and no energy comes from nowhere", "HIL_FALLS=1000 ./dev test ^falls$",
+    Check("falls", "1,000 random falls of a limp COMAN and 125 of WALK-MAN: no part goes into the "
+          "ground, no energy is gained", "HIL_FALLS=1000 ./dev test ^falls$",
           "HIL_FALLS=200 ./dev test ^falls$", 60),
-    Check("fuzz", "libFuzzer finds nothing in ten minutes (--short: one) a target",
+    Check("fuzz", "libFuzzer finds nothing",
           "./dev fuzz all 600", "./dev fuzz all 60", 400),
     Check("imports", "2,000 generated robot files mean here what they mean in MuJoCo 3",
           "HIL_IMPORTS=2000 ./dev test --strict ^import_generated$", None, 30),
-    Check("scenarios", "all scenarios pass, and each of their expectations can fail",
+    Check("scenarios", "all pass, and each expectation can fail",
           "build/release/coman-hil test config/scenarios/*.yaml --mutate", None, 60),
-    Check("bits-x86", "the runs of the table have the same bits with SSE2, AVX2 and AVX-512, of "
-          "which the processor must have the last", "./dev test --strict service_same_bits", None,
-          30),
-    Check("bits-arm", "all rows of the table of bits agree on 64-bit ARM, under QEMU",
+    Check("bits-x86", "runs have the same bits with SSE2, AVX2 and AVX-512",
+          "./dev test --strict service_same_bits", None, 30),
+    Check("bits-arm", "the same on 64-bit ARM, under QEMU",
           "./dev build aarch64 && HIL_SOURCE_DIR=$PWD HIL_LIMIT_S=3000 "
           "bash tests/aarch64/emulate.sh bits",
           "./dev test --strict aarch64_same_bits", 300),
@@ -52,10 +59,9 @@ CHECKS = [
     Check("latency", "boards of each protocol answer a request; the table beside two bare sockets "
           "is in the output", "build/release/coman-hil-bench latency --answers | tee /dev/stderr | "
           "awk '/gateway|slcan/ && $NF == 0 {n++} END {exit n != 10}'", None, 10),
-    Check("package", "the package installs on a minimal Debian 12, runs there and leaves nothing "
-          "behind", "cmake --build build/release --target package && "
-          "bash tests/fresh.sh build/fresh-package --package build/release/coman-hil_*.deb", None,
-          20),
+    Check("package", "it installs on a minimal Debian 12, runs and leaves nothing behind",
+          "./dev package && bash tests/fresh.sh build/fresh-package "
+          "--package build/packages/coman-hil_*.deb", None, 30),
 ]
 
 
@@ -130,11 +136,12 @@ def report(rows, mutants):
     """The text of the report; `mutants` is its last section, which `./dev mutate` writes."""
     lines = ["# Release report", "",
              "What `./dev release` found; each row was made by its command, on the commit and the "
-             "processor that it", "names. [release.md](release.md) says what else a release takes.",
+             "processor that it", "names. [CONTRIBUTING.md](../CONTRIBUTING.md#release) says what "
+             "else a release takes.",
              "", "| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
     for check in CHECKS:
-        row = rows.get(check.name, {"check": check.name, "proves": check.proves,
-                                    "command": f"`{check.command}`", "verdict": "not yet run"})
+        row = {"check": check.name, "command": f"`{check.command}`", "verdict": "not yet run"}
+        row |= rows.get(check.name, {}) | {"proves": check.proves}
         lines.append("| " + " | ".join(row.get(column, "") for column in COLUMNS) + " |")
     return "\n".join([*lines, "", MUTANTS]) + mutants
 

@@ -36,7 +36,7 @@ PREFIX = SCRATCH / "prefix"
 PAGES = SOURCE / "docs" / "man"
 GUIDES = [SOURCE / "docs" / name for name in ("lab-pc.md", "controller.md", "gateway.md",
                                                "icub-software.md", "python.md",
-                                               "raspberry-pi.md")]
+                                               "install.md", "raspberry-pi.md", "recording.md")]
 
 
 def coman_hil(*arguments, program="coman-hil"):
@@ -171,10 +171,11 @@ def try_pages():
 
 
 def check_words():
-    """What README and check-list call by name is there: commands of ./dev and of the program."""
+    """Commands of ./dev and of the program that README, CONTRIBUTING and guides name are there."""
     table = coman_hil("--help")
     usage = subprocess.run([SOURCE / "dev", "--help"], capture_output=True, text=True).stdout
-    for path in [SOURCE / "README.md", *sorted((SOURCE / "docs").glob("*.md"))]:
+    for path in [SOURCE / "README.md", SOURCE / "CONTRIBUTING.md",
+                 *sorted((SOURCE / "docs").glob("*.md"))]:
         text = path.read_text()
         lost = {word for word in re.findall(r"`\./dev (\w+)", text)
                 if f"\n  {word} " not in usage} | \

@@ -11,3 +11,4 @@ foreach(name comment_names dependency_rule figures icub_examples line_budget sou
     hil_script_test(${name} LABELS unit
         COMMAND /usr/bin/python3 ${CMAKE_CURRENT_LIST_DIR}/${name}.py)
 endforeach()
+hil_script_test(versions LABELS unit COMMAND sh ${CMAKE_CURRENT_LIST_DIR}/versions.sh)
