@@ -31,7 +31,7 @@ CHECKS = [
     Check("fresh-trixie", "the same on Debian 13", "./dev fresh --suite trixie",
           "./dev fresh --suite trixie base_ cli_", 120),
     Check("container", "both container files make images that work without privileges",
-          "./dev fresh --container", None, 60),
+          "./dev fresh --suite trixie --container", None, 60),
     Check("pip", "the wheel is built, installed and used without a network",
           "./dev test --strict python_wheel", None, 30),
     Check("job", "examples/ci, copied into an empty folder, passes and finds a fault",

@@ -25,3 +25,6 @@ hil_script_test(page_recording LABELS service TIMEOUT 60
     COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/service/page_recording.py)
 hil_script_test(page_example LABELS service TIMEOUT 30
     COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/service/page_example.py)
+hil_script_test(page_coman_meshes LABELS service TIMEOUT 30
+    COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/service/coman_meshes.py
+            $<TARGET_FILE:coman-hil>)
