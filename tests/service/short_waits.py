@@ -143,11 +143,11 @@ def delays_in_virtual_time(delay, ticks):
         return times
 
 
-def latencies_in_real_time(tick_s, period_s, seconds):
+def latencies_in_real_time(tick_s, period_s, seconds, delay=None):
     """Commands all drives each period. Returns the latencies of the answers, s, and how many
     answers are missing."""
     times, missing = [], 0
-    with Run(tick_s, "real", "ideal") as run:
+    with Run(tick_s, "real", "ideal", delay) as run:
         batch = "".join(f"< fdsend {motor:X} 1 8 FF FF FF FF FF FF FF FD >"
                         for motor in range(1, MOTORS + 1)).encode()
         due = time.monotonic()
@@ -165,7 +165,7 @@ def latencies_in_real_time(tick_s, period_s, seconds):
     return sorted(times), missing
 
 
-print("1..6")
+print("1..7")
 for name, tick_s, together, wait_s in (
         ("eight drives at 1 kHz answer within 1 ms", 0.001, MOTORS, 0.001),
         ("a drive at a time answers within 0.5 ms", 0.000125, 1, 0.0005)):
@@ -196,3 +196,9 @@ check(missing == 0, "real time: eight drives at 1 kHz answer every command",
       f"{100 * sum(t > 0.0005 for t in times) / len(times):.1f} %, than 1 ms: "
       f"{100 * sum(t > 0.001 for t in times) / len(times):.1f} %, median "
       f"{times[len(times) // 2] * 1e3:.3f} ms")
+times, missing = latencies_in_real_time(0.001, 0.0137, 5, {"reply_delay_s": 0.0031})
+check(missing == 0 and min(times) > 0.0031 and times[len(times) // 2] < 0.0051,
+      "real time: an answer waits for the delay of its board, not for a tick",
+      f"delay 3.1 ms, answers after {min(times) * 1e3:.2f} ms, median "
+      f"{times[len(times) // 2] * 1e3:.2f} ms, 90 % {times[9 * len(times) // 10] * 1e3:.2f} ms, "
+      f"{missing} missing")
