@@ -34,6 +34,15 @@ static const char checked[] =
     "1.0e-5}\n"
     "      - {name: crc, at_bit: 88, bits: 8, checksum: crc8_sae_j1850}\n";
 
+/* Two requests with one answer; the second takes longer. */
+static const char timed[] =
+    "name: timed\nreply_delay_s: 0.0002\nstates:\n  - {name: idle, law: \"off\"}\nframes:\n"
+    "  - {name: ASK, from: host, id: 0x100, by: address, reply: TELL}\n"
+    "  - {name: SEEK, from: host, id: 0x200, by: address, reply: TELL, reply_delay_s: 0.0005,\n"
+    "     reply_spread_s: 0.0001}\n"
+    "  - name: TELL\n    from: board\n    id: 0x300\n    by: address\n    fields:\n"
+    "      - {name: state, bits: 8, source: state}\n";
+
 /* The bench of the test that runs */
 static struct described_bench {
     struct board_bench base;
@@ -96,6 +105,7 @@ static void open_bench(const char *file, int64_t timeout_ns)
             base->board[i].axis[k].joint = k ? -1 : 2 * i;
         }
         base->board[i].command_timeout_ns = timeout_ns;
+        base->board[i].reply = (struct board_reply_time){-1, -1}; /* the file's */
         base->board[i].axis[0].winding_ohm = 0.664;
         base->board[i].axis[0].winding_h = 0.4e-3;
         base->board[i].axis[0].bemf_v_s_rad = TORQUE_NM_A;
@@ -116,6 +126,25 @@ static const char cheetah[] = HIL_SOURCE_DIR "/config/protocols/mini-cheetah.yam
 static const char robstride[] = HIL_SOURCE_DIR "/config/protocols/robstride.yaml";
 
 /* ---- mini cheetah ---- */
+
+TEST(an_answer_takes_the_time_of_its_request_else_of_its_file)
+{
+    int64_t delay_ns;
+
+    open_bench(timed, 0);
+    for (int i = 0; i < 20; i++) {
+        bench_send(base, 0, 0x101, "");
+        delay_ns = boards_next_answer(base->boards, 0) - base->now_ns;
+        assert_int_equal(delay_ns, 200000);
+        bench_tick(base);
+        bench_expect(base, 0, 0x301, "00");
+        bench_send(base, 0, 0x201, "");
+        delay_ns = boards_next_answer(base->boards, 0) - base->now_ns;
+        assert_true(delay_ns >= 500000 && delay_ns <= 600000);
+        bench_tick(base);
+    }
+    close_bench();
+}
 
 TEST(a_cheetah_drive_answers_the_frames_that_switch_it)
 {

@@ -42,6 +42,8 @@ static const struct {
     {FRAME "  - {name: A, from: board, id: 1, reply: A}\n",
      "toy.yaml:6:5: found a key of frames from the host in one from the board"},
     {FRAME "  - {name: A, from: host, id: 1, reply: B}\n", "toy.yaml:6:41: found reply \"B\""},
+    {FRAME "  - {name: A, from: host, id: 1, reply_delay_s: 0}\n",
+     "toy.yaml:6:5: found reply_delay_s or reply_spread_s without reply"},
     {FRAME "  - {name: A, from: host, id: 1}\n  - {name: A, from: host, id: 2}\n",
      "toy.yaml:7:5: found frame \"A\" again"},
     {FRAME "  - {name: A, from: board, id: 1, telemetry: true, period_s: 0.1}\n",
