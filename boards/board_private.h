@@ -91,7 +91,8 @@ struct board_bus_ops {
 struct queued_reply {
     struct board *board;
     int64_t due_ns;
-    bool lost; /* the board has lost power, and with it the answer */
+    bool lost;     /* the board has lost power, and with it the answer */
+    bool transmit; /* not a frame: the board's transmit writes the answer when it is due */
     uint8_t flags, len;
     uint32_t id;
     uint8_t data[64];
@@ -262,6 +263,10 @@ void board_lose(struct board *board);
 void board_queue(struct board *board, uint32_t id, uint8_t len, const uint8_t *data);
 void board_queue_as(struct board *board, uint32_t id, uint8_t flags, uint8_t len,
                     const uint8_t *data);
+
+/* Queues a call of the board's transmit as the answer to the present command. The frames have the
+ * values at the time of the answer. */
+void board_queue_transmit(struct board *board);
 
 /* Moves the board to another address; false = the address is taken. */
 bool board_set_address(struct board *board, uint8_t address);

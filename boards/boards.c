@@ -599,37 +599,52 @@ static int64_t board_find_due(struct board *board)
     return board->reply_ns;
 }
 
-void board_queue_as(struct board *board, uint32_t id, uint8_t flags, uint8_t len,
-                    const uint8_t *data)
+/* Adds an entry to the queue of the bus, behind the messages that are due no later. Returns NULL if
+ * a real board answers, or if the board has too many answers. */
+static struct queued_reply *board_add_reply(struct board *board)
 {
     struct board_bus *bus = board->bus;
-    struct queued_reply *reply;
     int64_t due_ns;
     size_t at;
 
     if (board->config.external) {
-        return; /* the real board answers */
+        return NULL;
     }
     if (board->replies == BOARD_REPLIES_MAX) {
         board_lose(board);
-        return;
+        return NULL;
     }
-    /* Insert it behind the messages that are due no later */
     due_ns = board_find_due(board);
     at = bus->waiting++;
     while (at > 0 && bus_reply_at(bus, at - 1)->due_ns > due_ns) {
         *bus_reply_at(bus, at) = *bus_reply_at(bus, at - 1);
         at--;
     }
-    reply = bus_reply_at(bus, at);
     board->replies++;
-    reply->board = board;
-    reply->due_ns = due_ns;
-    reply->lost = false;
-    reply->flags = flags;
-    reply->len = len;
-    reply->id = id;
-    memcpy(reply->data, data, len);
+    *bus_reply_at(bus, at) = (struct queued_reply){.board = board, .due_ns = due_ns};
+    return bus_reply_at(bus, at);
+}
+
+void board_queue_as(struct board *board, uint32_t id, uint8_t flags, uint8_t len,
+                    const uint8_t *data)
+{
+    struct queued_reply *reply = board_add_reply(board);
+
+    if (reply) {
+        reply->flags = flags;
+        reply->len = len;
+        reply->id = id;
+        memcpy(reply->data, data, len);
+    }
+}
+
+void board_queue_transmit(struct board *board)
+{
+    struct queued_reply *reply = board_add_reply(board);
+
+    if (reply) {
+        reply->transmit = true;
+    }
 }
 
 bool board_set_address(struct board *board, uint8_t address)
@@ -895,26 +910,6 @@ void board_send(struct board *board, struct frame_sink *sink, uint32_t id, uint8
     board_send_as(board, sink, id, bus_flags(board->bus), len, data);
 }
 
-/* Sends the waiting answers that are due by due_ns, in order, until the sink is full. */
-static void bus_send_replies(struct board_bus *bus, int64_t due_ns, struct frame_sink *sink)
-{
-    while (bus->waiting && bus->replies[bus->head].due_ns <= due_ns && sink->count < sink->max) {
-        struct queued_reply *reply = &bus->replies[bus->head];
-
-        if (!reply->lost) {
-            size_t from = sink->count;
-
-            board_send_as(reply->board, sink, reply->id, reply->flags, reply->len, reply->data);
-            if (reply->board->faults) {
-                board_faults_filter(reply->board, sink, from);
-            }
-        }
-        reply->board->replies--;
-        bus->head = (bus->head + 1) % bus->capacity;
-        bus->waiting--;
-    }
-}
-
 /* Sends the periodic frames of a board. Other boards on the bus hear the frames that its faults
  * leave. */
 static void board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
@@ -927,6 +922,33 @@ static void board_transmit(struct board *board, struct ms_span span, struct fram
     }
     for (size_t i = from; board->ops->sent && i < sink->count; i++) {
         board->ops->sent(board, &sink->frames[i]);
+    }
+}
+
+/* Sends the waiting answers that are due by due_ns, in order, until the sink is full. */
+static void bus_send_replies(struct board_bus *bus, int64_t due_ns, struct frame_sink *sink)
+{
+    while (bus->waiting && bus->replies[bus->head].due_ns <= due_ns && sink->count < sink->max) {
+        struct queued_reply *reply = &bus->replies[bus->head];
+
+        if (reply->transmit && !reply->lost && !board_is_deaf(reply->board)) {
+            const struct ms_span span = {.from = bus->sent_ms, .to = sink->time_ns / MS};
+
+            if (sink->count > 0 && sink->max - sink->count < reply->board->ops->periodic_max) {
+                return; /* in the next call */
+            }
+            board_transmit(reply->board, span, sink);
+        } else if (!reply->lost && !reply->transmit) {
+            size_t from = sink->count;
+
+            board_send_as(reply->board, sink, reply->id, reply->flags, reply->len, reply->data);
+            if (reply->board->faults) {
+                board_faults_filter(reply->board, sink, from);
+            }
+        }
+        reply->board->replies--;
+        bus->head = (bus->head + 1) % bus->capacity;
+        bus->waiting--;
     }
 }
 

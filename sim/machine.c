@@ -9,7 +9,7 @@
  * that the controller's first voltages can build up the currents. */
 #define BRAKE_NS INT64_C(20000000)
 
-enum { ANSWERS = 8 }; /* answers that one call sends within a tick */
+enum { ANSWERS = 64 }; /* answers that one call sends within a tick */
 
 /* Opens and closes the windows of faults. It runs before the wait, because in lockstep the loop
  * receives frames while it waits, through ports with faults. */

@@ -446,6 +446,7 @@ static void cia402_pdo_sync(struct cia402_node *node)
         return;
     }
     node->syncs++;
+    board_queue_transmit(&node->board); /* synchronous TPDOs */
     for (unsigned i = 0; i < cia402_pdos(node); i++) {
         if (node->rx[i].waits) {
             node->rx[i].waits = false;

@@ -467,6 +467,7 @@ static bool foc_board_targets(struct icub_board *icub, const struct bus_frame *f
         board_lose(board);
     } else {
         foc->answers++;
+        board_queue_transmit(board);
     }
     return true;
 }
