@@ -92,7 +92,7 @@ int cmd_import(int argc, char **argv)
                                          {"lock", IMPORT_MIMIC_LOCK},
                                          {"free", IMPORT_MIMIC_FREE},
                                          {NULL, 0}};
-    static const struct word slides[] = {{"lock", 0}, {"free", 1}, {NULL, 0}};
+    static const struct word slides[] = {{"lock", 0}, {"free", 1}, {"drive", 2}, {NULL, 0}};
     static struct import_request r;
     static struct option_list lock, packages, drives, addresses;
     static int prismatic;
@@ -120,7 +120,8 @@ int cmd_import(int argc, char **argv)
          "lock or free; refused by default",
          .value = &r.options.mimic, .words = mimics},
         {"--prismatic", OPTION_ENUM, "HOW",
-         "what becomes of joints that slide: lock (the default), or free, without a drive",
+         "what becomes of joints that slide: lock (the default), free, without a drive, or drive, "
+         "by a pinion that turns",
          .value = &prismatic, .words = slides},
         {"--repair-inertia", OPTION_FLAG, NULL,
          "raise moments of inertia that no body can have; refused by default",
@@ -163,7 +164,8 @@ int cmd_import(int argc, char **argv)
     }
     r.address = addresses.item;
     r.naddress = addresses.count;
-    r.options.free_slides = prismatic != 0;
+    r.options.free_slides = prismatic == 1;
+    r.options.drive_slides = prismatic == 2;
     r.options.lock = lock.item;
     r.options.nlock = lock.count;
     r.options.drive = drives.item;

@@ -271,7 +271,12 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
         struct robot_joint *joint = &robot->joint[j];
         const struct import_joint *source = from->source[j];
 
-        if (import_takes_cylinder(from, j) || robot_find_coupling(robot, j)) {
+        if (import_takes_cylinder(from, j)) {
+            continue;
+        }
+        if (robot_find_coupling(robot, j)) {
+            joint->passive = (struct robot_passive){
+                .stiffness = source->stiffness, .damping = source->damping, .rest = source->rest};
             continue;
         }
         if (source->friction > 0.0 &&

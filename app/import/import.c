@@ -71,14 +71,15 @@ static enum error_code import_read_model(const struct xml_file *file,
 }
 
 /* Makes a robot from the model: merges links, finishes and checks it, and gives it drives. */
-static enum error_code import_make_robot(const struct import_model *model,
+static enum error_code import_make_robot(struct import_model *model,
                                          const struct import_options *options, struct arena *arena,
                                          struct import_notes *notes, struct import_robot *robot,
                                          double *supply_v, struct error *error)
 {
-    enum error_code code = import_simplify_tree(model, options, arena, notes, robot, error);
+    enum error_code code =
+        options->drive_slides ? import_add_pinions(model, arena, notes, error) : ERROR_NONE;
 
-    if (code) {
+    if (code || (code = import_simplify_tree(model, options, arena, notes, robot, error))) {
         return code;
     }
     if (robot_finish(robot->robot, error)) {

@@ -23,6 +23,7 @@ enum import_mimic {
 struct import_options {
     int base, mimic;         /* enum import_base, enum import_mimic */
     bool free_slides;        /* let prismatic joints move without a drive; false = fix them */
+    bool drive_slides;       /* drive prismatic joints by pinions */
     const char *const *lock; /* names of joints to fix */
     size_t nlock;
     bool repair_inertia;      /* increase impossible moments of inertia; false = refuse them */
@@ -48,6 +49,11 @@ struct import_robot {
     /* By joint of the robot: path of the user's own drive file to copy; NULL = none */
     const char **drive_copy;
 };
+
+/* Adds a joint that turns, a pinion, for each prismatic joint that a drive may move. The prismatic
+ * joint follows it as a rack does. */
+enum error_code import_add_pinions(struct import_model *model, struct arena *arena,
+                                   struct import_notes *notes, struct error *error);
 
 /* Reduces the model to a robot. out points into the model. */
 enum error_code import_simplify_tree(const struct import_model *model,

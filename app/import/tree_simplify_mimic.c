@@ -9,12 +9,128 @@
 #include "model/coupling.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 /* Bounds of multipliers and offsets in a robot file. */
 #define MULTIPLIER_LEAST 1e-6
 #define MULTIPLIER_MOST 1e3
 #define OFFSET_MOST 1e3
+
+/* ---- pinions ---- */
+
+/* Least radius of a pinion, m. A longer rack has a larger one, so that it turns by no more than
+ * PINION_TURNS_RAD either way. */
+#define PINION_RADIUS_M 0.01
+#define PINION_TURNS_RAD 12.0
+
+/* Mass, kg, and inertia, kg m2, of a pinion: almost none. The drive has the rotor's. */
+#define PINION_MASS 1e-9
+
+/* Checks whether a prismatic joint gets a pinion: it can move, follows no other, and has an
+ * actuator if the file has any. */
+static bool pinion_is_due(const struct import_model *model, const struct import_joint *joint)
+{
+    return joint->type == IMPORT_PRISMATIC && !joint->mimic && joint->lower < joint->upper &&
+           (!model->actuated || model->drives_others || joint->driven);
+}
+
+/* Adds the pinion of one joint at the end of the lists, which have room. Efforts, velocities and
+ * what resists motion become those about its axis. */
+static void pinion_add(struct import_model *model, struct import_joint *rack, struct arena *arena,
+                       struct import_notes *notes)
+{
+    const double farthest = fmax(fabs(rack->lower), fabs(rack->upper));
+    const double radius = fmax(PINION_RADIUS_M, farthest / PINION_TURNS_RAD);
+    struct import_joint *joint = &model->joint[model->njoint++];
+    char name[80];
+
+    snprintf(name, sizeof name, "%.55s-pinion", rack->name);
+    *joint = *rack;
+    joint->name = joint->child = arena_strdup(arena, name);
+    joint->child_link = (int)model->nlink;
+    joint->type = IMPORT_REVOLUTE;
+    joint->lower = rack->lower / radius;
+    joint->upper = rack->upper / radius;
+    joint->effort = rack->effort * radius;
+    joint->velocity = rack->velocity / radius;
+    joint->friction = rack->friction * radius;
+    joint->armature = rack->armature * radius * radius;
+    joint->damping = rack->damping * radius * radius;
+    joint->stiffness = joint->rest = 0.0;
+    model->link[model->nlink++] = (struct import_link){
+        .name = joint->name,
+        .file = rack->file,
+        .line = rack->line,
+        .has_inertia = true,
+        .inertia = {.mass = PINION_MASS, .I = {PINION_MASS, 0, 0, PINION_MASS, 0, PINION_MASS}}};
+
+    /* The rack follows the pinion, without what the pinion has now */
+    rack->mimic = joint->name;
+    rack->mimic_file = rack->file;
+    rack->mimic_line = rack->line;
+    rack->multiplier = radius;
+    rack->racked = true;
+    rack->friction = rack->damping = 0.0;
+    import_note_add(notes, IMPORT_ASSUMED, rack->file, rack->line,
+                    "joint \"%.63s\" slides by a pinion of radius %g m: the drive is that of joint "
+                    "\"%s\"",
+                    rack->name, radius, name);
+
+    /* A pose gives the pinion's angle by the place of the rack */
+    for (size_t p = 0; p < model->npose; p++) {
+        struct import_pose *pose = &model->pose[p];
+        const size_t count = pose->nvalue;
+
+        for (size_t i = 0; i < count && joint->name; i++) {
+            if (!strcmp(pose->value[i].joint, rack->name)) {
+                pose->value[pose->nvalue] = pose->value[i];
+                pose->value[pose->nvalue].joint = joint->name;
+                pose->value[pose->nvalue++].value /= radius;
+            }
+        }
+    }
+}
+
+/* Returns a copy of a list with room for more. Without memory returns NULL. */
+static void *list_extend(struct arena *arena, const void *list, size_t count, size_t more,
+                         size_t size)
+{
+    void *copy = arena_alloc(arena, count + more + 1, size);
+
+    return copy && count ? memcpy(copy, list, count * size) : copy;
+}
+
+enum error_code import_add_pinions(struct import_model *model, struct arena *arena,
+                                   struct import_notes *notes, struct error *error)
+{
+    const size_t njoint = model->njoint;
+    size_t due = 0;
+    bool room = true;
+
+    for (size_t j = 0; j < njoint; j++) {
+        due += pinion_is_due(model, &model->joint[j]);
+    }
+    model->joint = list_extend(arena, model->joint, njoint, due, sizeof *model->joint);
+    model->link = list_extend(arena, model->link, model->nlink, due, sizeof *model->link);
+    for (size_t p = 0; p < model->npose; p++) {
+        struct import_pose *pose = &model->pose[p];
+
+        pose->value = list_extend(arena, pose->value, pose->nvalue, due, sizeof *pose->value);
+        room = room && pose->value;
+    }
+    if (!room || !model->joint || !model->link) {
+        return error_set(error, ERROR_MEMORY, "%.200s: no memory for the pinions", model->file);
+    }
+    for (size_t j = 0; j < njoint; j++) {
+        if (pinion_is_due(model, &model->joint[j])) {
+            pinion_add(model, &model->joint[j], arena, notes);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* ---- followers ---- */
 
 bool simplify_is_rigid(const struct simplifier *r, size_t j)
 {
@@ -102,7 +218,8 @@ double simplify_follow(const struct simplifier *r, size_t j)
 
 bool simplify_is_coupled(const struct simplifier *r, size_t j)
 {
-    return r->options->mimic == IMPORT_MIMIC_COUPLE && r->mimic[j] >= 0 && !simplify_is_rigid(r, j);
+    return (r->options->mimic == IMPORT_MIMIC_COUPLE || r->model->joint[j].racked) &&
+           r->mimic[j] >= 0 && !simplify_is_rigid(r, j);
 }
 
 /* Narrows a leader's range to the positions that its follower can follow, also at rest and in
@@ -173,7 +290,7 @@ static void settle_follower(struct simplifier *r, size_t j, size_t *couplings)
         simplify_fix_joint(r, j, simplify_follow(r, j), "it follows a joint that is fixed");
         return;
     }
-    switch (r->options->mimic) {
+    switch (joint->racked ? IMPORT_MIMIC_COUPLE : r->options->mimic) {
     case IMPORT_MIMIC_LOCK:
         simplify_fix_joint(r, j, simplify_follow(r, j),
                            "it follows another, and --mimic lock holds it there");

@@ -286,7 +286,7 @@ void simplify_check_joints(struct simplifier *r)
         } else {
             simplify_fix_joint(
                 r, j, simplify_rest(r, j),
-                "it slides, and drives turn; --prismatic free lets it slide without one");
+                "it slides, and drives turn; --prismatic drive gives it one, free none");
         }
     }
 }

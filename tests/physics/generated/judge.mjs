@@ -367,6 +367,10 @@ function compareJoints(m, robot, file) {
       differ('ranges', file, NaN, `${name} has stops`)
     }
     if (joint.leader) {
+      if (!springy) {
+        differ('drives', file, same(joint.damping, m.dof_damping[dof]), `damping of ${name}: ${joint.damping}, ${m.dof_damping[dof]}`)
+        differ('springs', file, same(joint.stiffness, m.jnt_stiffness[id]), `stiffness of ${name}`)
+      }
       continue
     }
     if (file.mjcf) {

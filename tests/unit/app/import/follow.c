@@ -167,6 +167,41 @@ TEST_WITH(slide_follows_a_joint_that_turns, open_coupled, close_arena)
     assert_near(made.robot->coupling[0].stiffness, 1e6, 1e-6);
 }
 
+/* A slide of 0.5 m has a pinion of 0.5 / 12 m; one that follows it is led by the pinion too */
+TEST_WITH(slide_is_driven_by_a_pinion, open_coupled, close_arena)
+{
+    const double radius = 0.5 / 12.0;
+    const struct robot_joint *pinion;
+
+    options.drive_slides = true;
+    import_good(ROBOT(LINK("base") ROD("a") ROD("b") JOINT(
+        "s", "prismatic", "base", "a",
+        "<limit lower='-0.1' upper='0.5' effort='24' "
+        "velocity='0.4'/><dynamics damping='3' "
+        "friction='0.6'/>") JOINT("t", "prismatic", "base", "b",
+                                  "<limit lower='-1' upper='1' effort='24' velocity='0.4'/>"
+                                  "<dynamics damping='2'/><mimic joint='s' multiplier='-0.5'/>")));
+    assert_int_equal(made.robot->njoint, 3);
+    assert_int_equal(made.robot->ncoupling, 2);
+    pinion = &made.robot->joint[made.robot->coupling[0].leader];
+    assert_string_equal(pinion->name, "s-pinion");
+    assert_true(pinion->sea.present && pinion->type == JOINT_REVOLUTE);
+    assert_near(pinion->lower, -0.1 / radius, 1e-12);
+    assert_near(pinion->upper, 12.0, 1e-12);
+    assert_near(pinion->torque_limit, 24.0 * radius, 1e-12);
+    assert_near(pinion->sea.Dm, 3.0 * radius * radius, 1e-12);
+    for (int i = 0; i < 2; i++) {
+        const struct robot_coupling *c = &made.robot->coupling[i];
+        const struct robot_joint *joint = &made.robot->joint[c->follower];
+
+        assert_string_equal(joint->name, i ? "t" : "s");
+        assert_int_equal(c->leader, made.robot->coupling[0].leader);
+        assert_near(c->multiplier, i ? -0.5 * radius : radius, 1e-12);
+        assert_near(joint->passive.damping, i ? 2.0 : 0.0, 0.0);
+    }
+    assert_true(noted(IMPORT_ASSUMED, 5, "joint \"s\" slides by a pinion"));
+}
+
 TEST_WITH(couplings_are_as_many_as_a_robot_has, open_coupled, close_arena)
 {
     char text[16384];

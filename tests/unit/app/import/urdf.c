@@ -171,7 +171,7 @@ TEST_WITH(sliding_joint_is_fixed_unless_it_may_slide, open_default, close_arena)
 
     import_good(text);
     assert_int_equal(made.robot->njoint, 1);
-    assert_true(noted(IMPORT_CHANGED, 6, "--prismatic free"));
+    assert_true(noted(IMPORT_CHANGED, 6, "--prismatic drive gives it one"));
     options.free_slides = true;
     import_good(text);
     assert_int_equal(made.robot->njoint, 2);
