@@ -13,7 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum { ENTRIES_MAX = 1024 };
+enum { ENTRIES_MAX = 1024, ROOM = 64 };
 
 #define LIST_ARENA ((size_t)16 << 20) /* bytes of reserved address space */
 
@@ -25,37 +25,29 @@ static const char *const folders[CONFIG_KINDS] = {"rigs",   "robots",    "scenar
 
 /* ---- the trees ---- */
 
-/* For a program PREFIX/bin/NAME, finds PREFIX/share/coman-hil. Also finds the folder `config` in
- * the program's own folder. "" = unknown. */
-static void config_find_program_trees(char installed[PATH_MAX], char built[PATH_MAX])
+void config_program_folder(char folder[PATH_MAX])
 {
-    static const char below[] = "/share/coman-hil", beside[] = "/config";
-    ssize_t length = readlink("/proc/self/exe", built, PATH_MAX - sizeof below);
+    ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - ROOM);
     char *slash;
 
-    built[length > 0 ? length : 0] = '\0';
-    installed[0] = '\0';
-    slash = strrchr(built, '/');
-    if (!slash) {
-        built[0] = '\0';
-        return;
-    }
-    *slash = '\0';
-    strcpy(installed, built);
-    strcpy(slash, beside);
-    slash = strrchr(installed, '/');
-    if (slash) {
-        strcpy(slash, below);
-    } else {
-        installed[0] = '\0';
-    }
+    folder[length > 0 ? length : 0] = '\0';
+    slash = strrchr(folder, '/');
+    *(slash ? slash : folder) = '\0';
 }
 
 /* Fills in the trees in the order of precedence. */
 static void config_find_trees(struct config_trees *trees)
 {
+    char *installed = trees->folder[1], *built = trees->folder[2], *slash;
+
     strcpy(trees->folder[0], "/etc/coman-hil");
-    config_find_program_trees(trees->folder[1], trees->folder[2]);
+
+    /* For a program PREFIX/bin/NAME: PREFIX/share/coman-hil, and the folder config beside NAME */
+    config_program_folder(built);
+    strcpy(installed, built);
+    slash = strrchr(installed, '/');
+    strcpy(slash ? slash : installed, slash ? "/share/coman-hil" : "");
+    strcat(built, built[0] ? "/config" : "");
 }
 
 /* ---- one name ---- */

@@ -58,6 +58,9 @@ enum error_code config_locate_from(enum config_kind kind, const char *name, cons
 enum error_code rig_locate_from(const char *name, const char *from, struct arena *arena,
                                 const char **path, struct error *error);
 
+/* Writes the folder of the running program, with room for 64 more bytes; "" if it is unknown. */
+void config_program_folder(char folder[PATH_MAX]);
+
 /* Checks whether a file is in one of the trees. A person who can write to a tree could also replace
  * the program. For a symbolic link, the place of the link counts, not its target. */
 bool config_is_installed(const char *file);

@@ -40,8 +40,8 @@ void generic_prepare_link(const struct robot_body *body, const struct robot_join
                     least = m;
                 }
             }
-            /* Make two columns orthogonal to the axis, starting from the coordinate axis farthest from
-             * it */
+            /* Make two columns orthogonal to the axis, starting from the coordinate axis farthest
+             * from it */
             x[least] = 1.0;
             vec3_cross(joint->axis, x, y);
             norm = vec3_norm(y);

@@ -89,9 +89,8 @@ enum error_code simulator_start(struct simulator *simulator, struct realtime_rep
         const int priority = simulator->config.rig->realtime.priority;
         int reason;
 
-        /* Start the task's thread */
-        /* The task's priority is above the loop's, as if it ran on another computer at the end of the
-         * cable */
+        /* Start the task's thread. Its priority is above the loop's, as if it ran on another
+         * computer at the end of the cable. */
         simulator->task_realtime = (struct realtime_config){
             .priority = priority + (priority > 0 && priority < 99),
             .cpu = -1,

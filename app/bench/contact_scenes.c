@@ -3,6 +3,7 @@
 #include "app/bench/bench.h"
 
 #include "base/array.h"
+#include "base/vec3.h"
 
 #include <math.h>
 #include <string.h>
@@ -206,7 +207,7 @@ void bench_scene_draw(const struct bench_scene *scene, uint64_t *seed,
 {
     for (size_t b = 0; b < scene->config.nbody; b++) {
         struct body_motion *m = &motion[b];
-        double q[4] = {1, 0, 0, 0}, norm;
+        double q[4] = {1, 0, 0, 0};
 
         /* Small rotation as a quaternion, small displacement from the place, low velocities */
         for (int i = 0; i < 3; i++) {
@@ -215,18 +216,6 @@ void bench_scene_draw(const struct bench_scene *scene, uint64_t *seed,
             m->w[i] = 0.1 * random_number(seed);
             m->v[i] = 0.02 * random_number(seed);
         }
-        norm = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-        for (int i = 0; i < 4; i++) {
-            q[i] /= norm;
-        }
-
-        /* The rotation matrix of the quaternion */
-        memcpy(m->R,
-               (double[9]){1 - 2 * (q[2] * q[2] + q[3] * q[3]), 2 * (q[1] * q[2] - q[0] * q[3]),
-                           2 * (q[1] * q[3] + q[0] * q[2]), 2 * (q[1] * q[2] + q[0] * q[3]),
-                           1 - 2 * (q[1] * q[1] + q[3] * q[3]), 2 * (q[2] * q[3] - q[0] * q[1]),
-                           2 * (q[1] * q[3] - q[0] * q[2]), 2 * (q[2] * q[3] + q[0] * q[1]),
-                           1 - 2 * (q[1] * q[1] + q[2] * q[2])},
-               sizeof m->R);
+        mat3_from_quaternion(q, m->R);
     }
 }

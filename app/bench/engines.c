@@ -2,6 +2,7 @@
 /* Wraps our implementations of the dynamics in the interface for other simulators. */
 #include "app/bench/bench.h"
 
+#include "base/random.h"
 #include "model/dynamics.h"
 #include "model/symbolic/symbolic.h"
 
@@ -174,41 +175,37 @@ enum error_code bench_part(const struct robot *whole, size_t njoint, struct aren
     return robot_finish(robot, error);
 }
 
-/* Returns a random number between two bounds (splitmix64). */
-static double random_in(uint64_t *seed, double lower, double upper)
+/* Returns a random number between two bounds. */
+static double random_in(struct random_stream *stream, double lower, double upper)
 {
-    uint64_t z = *seed += UINT64_C(0x9e3779b97f4a7c15);
-
-    z = (z ^ (z >> 30)) * UINT64_C(0xbf58476d1ce4e5b9);
-    z = (z ^ (z >> 27)) * UINT64_C(0x94d049bb133111eb);
-    return lower + (upper - lower) * (double)((z ^ (z >> 31)) >> 11) * 0x1p-53;
+    return lower + (upper - lower) * random_uniform(stream);
 }
 
 void bench_put_states(const struct peer_dynamics *peer, void *engine, const struct robot *robot)
 {
     double q[BENCH_NUMBERS], v[BENCH_NUMBERS], tau[BENCH_NUMBERS];
     size_t base = robot->nq - robot->njoint;
-    uint64_t seed = 2014;
+    struct random_stream stream = {2014};
 
     for (size_t slot = 0; slot < PEER_SLOTS; slot++) {
         double square = 0.0;
 
         /* The base: a position, and a quaternion that is normalized below */
         for (size_t i = 0; i < base; i++) {
-            q[i] = random_in(&seed, -1.0, 1.0);
+            q[i] = random_in(&stream, -1.0, 1.0);
             square += i >= 3 ? q[i] * q[i] : 0.0;
         }
         for (size_t i = 3; i < base; i++) {
             q[i] /= sqrt(square);
         }
         for (size_t i = 0; i < robot->nv; i++) {
-            v[i] = random_in(&seed, -2.0, 2.0);
+            v[i] = random_in(&stream, -2.0, 2.0);
         }
         for (size_t j = 0; j < robot->njoint; j++) {
             const struct robot_joint *joint = &robot->joint[j];
 
-            q[base + j] = random_in(&seed, joint->lower, joint->upper);
-            tau[j] = random_in(&seed, -joint->torque_limit, joint->torque_limit);
+            q[base + j] = random_in(&stream, joint->lower, joint->upper);
+            tau[j] = random_in(&stream, -joint->torque_limit, joint->torque_limit);
         }
         peer->put(engine, slot, q, v, tau);
     }

@@ -2,6 +2,8 @@
 /* Finds and loads the module with the other simulators. */
 #include "app/bench/peers.h"
 
+#include "base/config.h"
+
 #include <dlfcn.h>
 #include <limits.h>
 #include <stdio.h>
@@ -42,16 +44,7 @@ enum error_code peers_open(const char *path, struct peers_library *library, stru
     if (path) {
         return peers_load_module(path, library, error);
     }
-    /* Find the folder of the running program */
-    ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - 1);
-    char *slash;
-
-    folder[length < 0 ? 0 : length] = '\0';
-    slash = strrchr(folder, '/');
-    if (!slash) {
-        return error_set(error, ERROR_UNSUPPORTED, "the program's own place is not known");
-    }
-    *slash = '\0';
+    config_program_folder(folder);
 
     /* Search beside the program and in the build's folder for tests */
     for (size_t i = 0; i < sizeof places / sizeof places[0]; i++) {

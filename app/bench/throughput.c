@@ -6,6 +6,7 @@
  */
 #include "app/bench/bench.h"
 #include "base/array.h"
+#include "base/config.h"
 #include "base/json_text.h"
 #include "base/options.h"
 #include "base/whole_file.h"

@@ -2,6 +2,7 @@
 /* coman-hil bench: runs the benchmark program, which is in the same folder as coman-hil. */
 #include "app/cli/cli.h"
 
+#include "base/config.h"
 #include "manual/bench.h"
 
 #include <errno.h>
@@ -12,14 +13,10 @@
 /* Replaces this process by the benchmark program; returns only on an error. */
 static enum error_code bench_become(char **argv, struct error *error)
 {
-    static const char end[] = "-bench";
     char path[PATH_MAX];
-    ssize_t length = readlink("/proc/self/exe", path, PATH_MAX - sizeof end);
 
-    if (length < 0) {
-        return error_set_errno(error, errno, "cannot tell where this program is");
-    }
-    strcpy(path + length, end);
+    config_program_folder(path);
+    strcat(path, "/coman-hil-bench");
     fflush(stdout);
     execv(path, argv);
     return errno == ENOENT ? error_set(error, ERROR_UNSUPPORTED,

@@ -5,7 +5,6 @@
 
 #include "base/whole_file.h"
 
-#include <math.h>
 #include <string.h>
 
 /* Writes the source of the numbers, as comments. */

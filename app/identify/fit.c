@@ -8,7 +8,6 @@
 #include "app/identify/identify.h"
 
 #include "base/array.h"
-#include "base/text.h"
 
 #include <cminpack.h>
 #include <math.h>

@@ -133,8 +133,8 @@ static void scenario_run_step(void *context, int64_t time_ns)
             const int64_t until = clock_now(run->wall) + DONE_PATIENCE_NS;
 
             /* Pass an observed DONE to the program, and wait until it is sent. Frames that the
-             * program sends afterwards, and frames of stimuli, then belong to the next tick in every
-             * run. */
+             * program sends afterwards, and frames of stimuli, then belong to the next tick in
+             * every run. */
             run->released = run->dones;
             gateway_release_done(gateway);
             while (gateway_done_count(gateway) < run->dones && clock_now(run->wall) < until) {

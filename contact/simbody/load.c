@@ -3,6 +3,7 @@
 #include "contact/simbody/module.h"
 
 #include "base/array.h"
+#include "base/config.h"
 
 #include <dlfcn.h>
 #include <limits.h>
@@ -16,15 +17,10 @@ bool contact_simbody_find(char *path, size_t size)
      * tests */
     static const char *const places[] = {("../" HIL_MODULE_FOLDER), "modules", "../modules"};
     char folder[PATH_MAX];
-    ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - 1);
-    char *slash;
 
-    /* The folder of the running program; empty if it is unknown */
-    folder[length < 0 ? 0 : length] = '\0';
-    slash = strrchr(folder, '/');
-    *(slash ? slash : folder) = '\0';
+    config_program_folder(folder);
     for (size_t i = 0; i < ARRAY_COUNT(places); i++) {
-        length = snprintf(path, size, "%s/%s/" SIMBODY_MODULE_FILE, folder, places[i]);
+        int length = snprintf(path, size, "%s/%s/" SIMBODY_MODULE_FILE, folder, places[i]);
         if (length > 0 && (size_t)length < size && access(path, R_OK) == 0) {
             return true;
         }
