@@ -232,10 +232,8 @@ TEST_ON(hung_2foc_brakes, fault_bench, bench)
     bench->base.board[0].axis[0].gear = 100.0;
     bench->base.board[0].axis[1].joint = -1;
     bench_start(&bench->base);
-    bench_send(&bench->base, 0, 0x001, "5B 01 06");
-    bench_send(&bench->base, 0, 0x001, "77 01 00 10 00 00 0E");
-    bench_send(&bench->base, 0, 0x001, "48 00 A0 0F 40 1F 20 4E");
-    bench_send(&bench->base, 0, 0x001, "65 92 00 E3 00 00 00 0F");
+    bench_send(&bench->base, 0, 0x001, "5B 01 06; 77 01 00 10 00 00 0E");
+    bench_send(&bench->base, 0, 0x001, "48 00 A0 0F 40 1F 20 4E; 65 92 00 E3 00 00 00 0F");
     bench_send(&bench->base, 0, 0x001, "09 50");
     while (bench->ms < 50) {
         bench_send(&bench->base, 0, 0x10f, "00 10");

@@ -76,8 +76,7 @@ TEST(everything_sent_is_in_the_list)
         for (int t = 0; t < 400; t++) {
             if (t % 50 == 0) {
                 bench_send(&bench, 0, v < 2 ? 0x70f : 0x7e0, v < 2 ? "FF" : "");
-                bench_send(&bench, 0, 0x209, "34 7F 80 01");
-                bench_send(&bench, 0, 0x209, "35 01");
+                bench_send(&bench, 0, 0x209, "34 7F 80 01; 35 01");
             }
             bench_say(&bench, 0, 0x10f, "00 00 00 00 00 00 00 00");
             for (size_t i = 0; i < bench.count[0]; i++) {

@@ -6,8 +6,6 @@
 #include "base/array.h"
 #include "tests/test.h"
 
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 static uint64_t random_state;

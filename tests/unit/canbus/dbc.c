@@ -4,10 +4,6 @@
 #include "canbus/dbc.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
 struct bench {
     struct arena arena;
     struct dbc *dbc;
@@ -15,9 +11,8 @@ struct bench {
     struct error error;
 };
 
-FIXTURE(start)
+static inline void start(struct bench *b)
 {
-    struct bench *b = calloc(1, sizeof *b);
     const struct dbc_message message = {.name = "TELEMETRY", .id = 0x123, .length = 8, .sender = 1};
 
     assert_non_null(b);
@@ -27,17 +22,11 @@ FIXTURE(start)
     assert_ok(dbc_add_node(b->dbc, "host", &b->error));
     assert_ok(dbc_add_node(b->dbc, "board", &b->error));
     assert_ok(dbc_add_message(b->dbc, &message, &b->message, &b->error));
-    *test_state = b;
-    return 0;
 }
 
-FIXTURE(stop)
+static inline void stop(struct bench *b)
 {
-    struct bench *b = *test_state;
-
     arena_fini(&b->arena);
-    free(b);
-    return 0;
 }
 
 static struct dbc_signal plain(const char *name, unsigned first, unsigned bits)
@@ -74,9 +63,10 @@ TEST(names_are_identifiers_of_32_letters_that_mean_nothing_else)
     }
 }
 
-TEST_WITH(signals_stay_within_the_frame_and_off_each_other, start, stop)
+BENCH(start, struct bench, stop)
+
+TEST_ON(signals_stay_within_the_frame_and_off_each_other, start, b)
 {
-    struct bench *b = *test_state;
     struct dbc_signal big = plain("big", 23, 16); /* bytes 2 and 3 */
 
     big.big_endian = true;
@@ -96,9 +86,8 @@ TEST_WITH(signals_stay_within_the_frame_and_off_each_other, start, stop)
     assert_int_equal(b->message->nsignal, 3);
 }
 
-TEST_WITH(multiplexed_signals_share_bits_only_with_other_selectors, start, stop)
+TEST_ON(multiplexed_signals_share_bits_only_with_other_selectors, start, b)
 {
-    struct bench *b = *test_state;
     struct dbc_signal selector = plain("command", 0, 8), a = plain("a", 8, 16),
                       c = plain("c", 8, 16), d = plain("d", 16, 8), late = plain("late", 32, 8);
 
@@ -118,9 +107,8 @@ TEST_WITH(multiplexed_signals_share_bits_only_with_other_selectors, start, stop)
     assert_int_equal(add(b, c), ERROR_INPUT); /* more than 8 bits hold */
 }
 
-TEST_WITH(numbers_are_finite_and_values_fit, start, stop)
+TEST_ON(numbers_are_finite_and_values_fit, start, b)
 {
-    struct bench *b = *test_state;
     struct dbc_signal s = plain("s", 0, 8), *added;
 
     s.scale = 0.0;
@@ -141,9 +129,8 @@ TEST_WITH(numbers_are_finite_and_values_fit, start, stop)
     assert_int_equal(dbc_add_value(b->dbc, added, 1, "quo\"te", &b->error), ERROR_INPUT);
 }
 
-TEST_WITH(messages_have_their_own_name_identifier_and_a_legal_length, start, stop)
+TEST_ON(messages_have_their_own_name_identifier_and_a_legal_length, start, b)
 {
-    struct bench *b = *test_state;
     struct dbc_message m = {.name = "TELEMETRY", .id = 1}, *added;
 
     assert_int_equal(dbc_add_message(b->dbc, &m, &added, &b->error), ERROR_INPUT);
@@ -234,7 +221,7 @@ static void fill(struct bench *b)
     b->dbc->data_bitrate = 8000000;
 }
 
-TEST_WITH(a_database_is_written_line_by_line, start, stop)
+TEST_ON(a_database_is_written_line_by_line, start, b)
 {
     /* What stands before the nodes and between comments and values is the same in every file */
     static const char messages[] = "BU_: host board\n"
@@ -268,7 +255,6 @@ TEST_WITH(a_database_is_written_line_by_line, start, stop)
                               "BA_ \"VFrameFormat\" BO_ 2047 14;\n"
                               "VAL_ 291 value -5 \"minus five\" 7 \"\" ;\n"
                               "SIG_VALTYPE_ 2047 real : 1;\n";
-    struct bench *b = *test_state;
     const char *at;
     size_t size;
     char *text;
@@ -287,9 +273,8 @@ TEST_WITH(a_database_is_written_line_by_line, start, stop)
     free(text);
 }
 
-TEST_WITH(a_file_that_cannot_be_written_is_an_error, start, stop)
+TEST_ON(a_file_that_cannot_be_written_is_an_error, start, b)
 {
-    struct bench *b = *test_state;
     FILE *full = fopen("/dev/full", "w");
 
     fill(b);
@@ -318,9 +303,8 @@ static enum error_code build_small(struct arena *arena, struct error *error)
     return code ? code : dbc_set_comment(dbc, &s->comment, "a comment", error);
 }
 
-TEST_WITH(memory_that_runs_out_is_an_error, start, stop)
+TEST_ON(memory_that_runs_out_is_an_error, start, b)
 {
-    struct bench *b = *test_state;
     enum error_code code = ERROR_MEMORY;
     size_t blocks;
 
@@ -340,9 +324,8 @@ TEST_WITH(memory_that_runs_out_is_an_error, start, stop)
 
 /* Values are as the text format defines them; bits of other messages and multiplexors are not
  * read. */
-TEST_WITH(signals_are_read_from_frames, start, stop)
+TEST_ON(signals_are_read_from_frames, start, b)
 {
-    struct bench *b = *test_state;
     struct dbc_signal by = plain("by", 0, 8), big = plain("big", 15, 12);
     struct dbc_signal low = plain("low", 20, 12), real = plain("real", 32, 32);
     struct bus_frame frame = {

@@ -6,8 +6,7 @@
 #include "base/array.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <string.h>
+static struct error error;
 
 enum { INBOX = 16384, STEP_ID = 0x6f0, DONE_ID = 0x6ff, MS = 1000000 };
 
@@ -20,30 +19,22 @@ struct bench {
     struct bus_frame frame[8192];
 };
 
-FIXTURE(set_up)
+static inline void set_up(struct bench *bench)
 {
-    static struct bench bench;
     const struct local_bus_config config = {.name = "limb", .max_nodes = 2, .inbox = INBOX};
-    struct error error;
 
-    memset(&bench, 0, sizeof bench);
-    assert_ok(arena_init(&bench.arena, 64 << 20, &error));
-    assert_ok(local_bus_create(&config, &bench.arena, &bench.bus, &error));
-    assert_ok(local_bus_join(bench.bus, 1, NULL, 0, &bench.near, &error));
-    assert_ok(local_bus_join(bench.bus, 1, NULL, 0, &bench.far, &error));
-    *test_state = &bench;
-    return 0;
+    assert_ok(arena_init(&bench->arena, 64 << 20, &error));
+    assert_ok(local_bus_create(&config, &bench->arena, &bench->bus, &error));
+    assert_ok(local_bus_join(bench->bus, 1, NULL, 0, &bench->near, &error));
+    assert_ok(local_bus_join(bench->bus, 1, NULL, 0, &bench->far, &error));
 }
 
-FIXTURE(tear_down)
+static inline void tear_down(struct bench *bench)
 {
-    struct bench *bench = *test_state;
-
     bench->near->ops->close(bench->near);
     bench->far->ops->close(bench->far);
     local_bus_destroy(bench->bus);
     arena_fini(&bench->arena);
-    return 0;
 }
 
 static void spoil(struct bench *bench, struct fault_port_rule rule, uint64_t seed)
@@ -54,7 +45,6 @@ static void spoil(struct bench *bench, struct fault_port_rule rule, uint64_t see
                                        .exempt = {STEP_ID, DONE_ID},
                                        .nexempt = 2,
                                        .seed = seed};
-    struct error error;
 
     bench->rule = rule;
     bench->rule.active = &bench->active;
@@ -91,9 +81,10 @@ static void assert_all(const struct bench *bench, size_t found, size_t count)
     }
 }
 
-TEST_WITH(lost_frames_are_the_share_asked_for_in_both_directions, set_up, tear_down)
+BENCH(set_up, struct bench, tear_down)
+
+TEST_ON(lost_frames_are_the_share_asked_for_in_both_directions, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double n = 8000, p = 0.1, bound = 5.0 * sqrt(n * p * (1.0 - p));
 
     bench->active = true;
@@ -105,10 +96,8 @@ TEST_WITH(lost_frames_are_the_share_asked_for_in_both_directions, set_up, tear_d
     assert_int_equal(bench->near->counters.rx_dropped, 0); /* no news of the port */
 }
 
-TEST_WITH(corrupted_frames_differ_in_one_bit_of_their_data, set_up, tear_down)
+TEST_ON(corrupted_frames_differ_in_one_bit_of_their_data, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->active = true;
     spoil(bench, (struct fault_port_rule){FAULT_PORT_CORRUPTION, .probability = 1.0, .id = -1}, 1);
     send(bench->far, 0x101, 0, 500);
@@ -120,9 +109,8 @@ TEST_WITH(corrupted_frames_differ_in_one_bit_of_their_data, set_up, tear_down)
     }
 }
 
-TEST_WITH(frames_without_data_cannot_be_corrupted, set_up, tear_down)
+TEST_ON(frames_without_data_cannot_be_corrupted, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame frame = frame_make(0x101, 0, NULL);
 
     bench->active = true;
@@ -132,9 +120,8 @@ TEST_WITH(frames_without_data_cannot_be_corrupted, set_up, tear_down)
     assert_int_equal(bench->frame[0].len, 0);
 }
 
-TEST_WITH(duplicates_follow_their_frame_also_through_small_batches, set_up, tear_down)
+TEST_ON(duplicates_follow_their_frame_also_through_small_batches, set_up, bench)
 {
-    struct bench *bench = *test_state;
     size_t count = 0, got;
 
     bench->active = true;
@@ -152,10 +139,8 @@ TEST_WITH(duplicates_follow_their_frame_also_through_small_batches, set_up, tear
     assert_int_equal(receive(bench, bench->far), 198);
 }
 
-TEST_WITH(late_frames_come_after_their_delay_and_in_order, set_up, tear_down)
+TEST_ON(late_frames_come_after_their_delay_and_in_order, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->active = true;
     spoil(bench, (struct fault_port_rule){FAULT_PORT_LATE, .delay_ns = 3 * MS, .id = -1}, 1);
     for (unsigned ms = 0; ms < 20; ms++) {
@@ -176,10 +161,8 @@ TEST_WITH(late_frames_come_after_their_delay_and_in_order, set_up, tear_down)
     assert_int_equal(receive(bench, bench->near), 3);
 }
 
-TEST_WITH(more_late_frames_than_can_wait_are_counted_as_dropped, set_up, tear_down)
+TEST_ON(more_late_frames_than_can_wait_are_counted_as_dropped, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->active = true;
     spoil(bench, (struct fault_port_rule){FAULT_PORT_LATE, .delay_ns = MS, .id = -1}, 1);
     send(bench->far, 0x101, 0, FAULT_PORT_HELD + 10);
@@ -187,9 +170,8 @@ TEST_WITH(more_late_frames_than_can_wait_are_counted_as_dropped, set_up, tear_do
     assert_int_equal(bench->near->counters.rx_dropped, 10);
 }
 
-TEST_WITH(bus_off_carries_nothing_and_says_so, set_up, tear_down)
+TEST_ON(bus_off_carries_nothing_and_says_so, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame frame = frame_make(0x101, 0, NULL);
 
     bench->active = true;
@@ -206,10 +188,8 @@ TEST_WITH(bus_off_carries_nothing_and_says_so, set_up, tear_down)
     assert_int_equal(bench->near->state, CAN_PORT_UP);
 }
 
-TEST_WITH(lockstep_frames_pass_unless_a_rule_names_them, set_up, tear_down)
+TEST_ON(lockstep_frames_pass_unless_a_rule_names_them, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->active = true;
     spoil(bench, (struct fault_port_rule){FAULT_PORT_LOSS, .probability = 1.0, .id = -1}, 1);
     send(bench->far, STEP_ID, 0, 5);
@@ -223,9 +203,8 @@ TEST_WITH(lockstep_frames_pass_unless_a_rule_names_them, set_up, tear_down)
     assert_int_equal(bench->frame[0].id, DONE_ID);
 }
 
-TEST_WITH(lockstep_frames_pass_even_when_the_bus_is_off, set_up, tear_down)
+TEST_ON(lockstep_frames_pass_even_when_the_bus_is_off, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame frames[2] = {frame_make(0x101, 0, NULL), frame_make(DONE_ID, 0, NULL)};
 
     bench->active = true;
@@ -240,10 +219,8 @@ TEST_WITH(lockstep_frames_pass_even_when_the_bus_is_off, set_up, tear_down)
     assert_int_equal(bench->frame[0].id, DONE_ID);
 }
 
-TEST_WITH(rule_with_an_id_leaves_the_others_alone, set_up, tear_down)
+TEST_ON(rule_with_an_id_leaves_the_others_alone, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->active = true;
     spoil(bench, (struct fault_port_rule){FAULT_PORT_LOSS, .probability = 1.0, .id = 0x102}, 1);
     send(bench->near, 0x102, 0, 5);
@@ -257,7 +234,6 @@ TEST_WITH(rule_with_an_id_leaves_the_others_alone, set_up, tear_down)
 static void spoil_by(struct bench *bench, struct fault_port_rule *rule, size_t count)
 {
     const struct fault_port_config config = {.port = bench->near, .rule = rule, .nrule = count};
-    struct error error;
 
     bench->active = true;
     for (size_t i = 0; i < count; i++) {
@@ -267,12 +243,11 @@ static void spoil_by(struct bench *bench, struct fault_port_rule *rule, size_t c
     assert_ok(fault_port_create(&config, &bench->arena, &bench->near, &error));
 }
 
-TEST_WITH(each_rule_acts_on_the_frames_of_its_id, set_up, tear_down)
+TEST_ON(each_rule_acts_on_the_frames_of_its_id, set_up, bench)
 {
     struct fault_port_rule rule[] = {{FAULT_PORT_LOSS, .probability = 1.0, .id = 0},
                                      {FAULT_PORT_DUPLICATE, .probability = 1.0, .id = 0x101},
                                      {FAULT_PORT_LOSS, .probability = 1.0, .id = 0x102}};
-    struct bench *bench = *test_state;
 
     spoil_by(bench, rule, ARRAY_COUNT(rule));
     for (uint32_t id = 0; id <= 3; id++) {
@@ -287,11 +262,10 @@ TEST_WITH(each_rule_acts_on_the_frames_of_its_id, set_up, tear_down)
     }
 }
 
-TEST_WITH(delays_of_two_rules_add_up, set_up, tear_down)
+TEST_ON(delays_of_two_rules_add_up, set_up, bench)
 {
     struct fault_port_rule rule[] = {{FAULT_PORT_LATE, .delay_ns = MS, .id = -1},
                                      {FAULT_PORT_LATE, .delay_ns = 2 * MS, .id = -1}};
-    struct bench *bench = *test_state;
 
     spoil_by(bench, rule, ARRAY_COUNT(rule));
     send(bench->far, 0x101, 0, 1);
@@ -303,11 +277,10 @@ TEST_WITH(delays_of_two_rules_add_up, set_up, tear_down)
     assert_int_equal(receive(bench, bench->near), 1);
 }
 
-TEST_WITH(any_rule_may_switch_the_bus_off, set_up, tear_down)
+TEST_ON(any_rule_may_switch_the_bus_off, set_up, bench)
 {
     struct fault_port_rule rule[] = {{FAULT_PORT_LOSS, .probability = 0.0, .id = -1},
                                      {FAULT_PORT_BUS_OFF, .id = -1}};
-    struct bench *bench = *test_state;
 
     spoil_by(bench, rule, ARRAY_COUNT(rule));
     send(bench->far, 0x101, 0, 5);
@@ -315,10 +288,9 @@ TEST_WITH(any_rule_may_switch_the_bus_off, set_up, tear_down)
     assert_int_equal(bench->near->state, CAN_PORT_BUS_OFF);
 }
 
-TEST_WITH(without_rules_it_is_a_port, set_up, tear_down)
+TEST_ON(without_rules_it_is_a_port, set_up, bench)
 {
     struct fault_port_rule none;
-    struct bench *bench = *test_state;
 
     spoil_by(bench, &none, 0);
     send(bench->far, 0x101, 0, 100);

@@ -10,8 +10,6 @@
 #include <poll.h>
 #include <pthread.h>
 #include <stdatomic.h>
-#include <stdio.h>
-#include <string.h>
 #include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
@@ -114,9 +112,8 @@ static size_t stall_and_send(struct can_port *port, const struct bus_frame *fram
     return send_at_once(port, frames, count);
 }
 
-FIXTURE(start)
+static inline void start(struct fixture *f)
 {
-    static struct fixture f;
     struct gateway_bus bus[BUSES];
     struct gateway_config config = {
         .nbus = BUSES,
@@ -124,33 +121,29 @@ FIXTURE(start)
         .lockstep = {true, STEP_BUS, LOCKSTEP_STEP_ID, LOCKSTEP_DONE_ID},
     };
 
-    memset(&f, 0, sizeof f);
-    *test_state = &f;
-    if (arena_init(&f.arena, (size_t)128 << 20, NULL)) {
-        return -1;
+    if (arena_init(&f->arena, (size_t)128 << 20, NULL)) {
+        fail();
     }
     for (size_t b = 0; b < BUSES; b++) {
         const struct local_bus_config of = {.name = bus_name[b], .max_nodes = 2, .inbox = 4096};
 
-        if (local_bus_create(&of, &f.arena, &f.bus[b], NULL) ||
-            local_bus_join(f.bus[b], 1, NULL, 0, &f.machine[b], NULL) ||
-            local_bus_join(f.bus[b], 1, NULL, 0, &f.guest[b], NULL)) {
-            return -1;
+        if (local_bus_create(&of, &f->arena, &f->bus[b], NULL) ||
+            local_bus_join(f->bus[b], 1, NULL, 0, &f->machine[b], NULL) ||
+            local_bus_join(f->bus[b], 1, NULL, 0, &f->guest[b], NULL)) {
+            fail();
         }
-        stalling = *f.guest[b]->ops;
-        bus[b] = (struct gateway_bus){.name = bus_name[b], .port = f.guest[b]};
+        stalling = *f->guest[b]->ops;
+        bus[b] = (struct gateway_bus){.name = bus_name[b], .port = f->guest[b]};
     }
     send_at_once = stalling.send;
     stalling.send = stall_and_send;
-    f.guest[0]->ops = &stalling;
-    return gateway_start(&config, &f.arena, &f.gateway, NULL) ||
-           pthread_create(&f.thread, NULL, machine_main, &f);
+    f->guest[0]->ops = &stalling;
+    assert_false(gateway_start(&config, &f->arena, &f->gateway, NULL) ||
+                 pthread_create(&f->thread, NULL, machine_main, f));
 }
 
-FIXTURE(stop)
+static inline void stop(struct fixture *f)
 {
-    struct fixture *f = *test_state;
-
     gateway_stop(f->gateway);
     atomic_store(&f->stop, true);
     pthread_join(f->thread, NULL);
@@ -158,7 +151,6 @@ FIXTURE(stop)
         local_bus_destroy(f->bus[b]);
     }
     arena_fini(&f->arena);
-    return 0;
 }
 
 /* ---- a client, as a program that does not know of Nagle's algorithm ---- */
@@ -264,12 +256,13 @@ static int64_t now_ms(void)
 
 /* ---- the promises ---- */
 
+BENCH(start, struct fixture, stop)
+
 /* While the gateway is busy, twice a command on each of five connections, of which Nagle's
  * algorithm keeps the second back, then STEP: all of them take part in it, each time. */
-TEST_WITH(every_command_before_a_step_takes_part_in_it, start, stop)
+TEST_ON(every_command_before_a_step_takes_part_in_it, start, f)
 {
     enum { REPEATS = 100, STEPS = 5 };
-    struct fixture *f = *test_state;
     struct client client[BUSES];
     uint64_t first = 0;
     size_t dones = 0;
@@ -297,10 +290,9 @@ TEST_WITH(every_command_before_a_step_takes_part_in_it, start, stop)
 }
 
 /* One connection gives the same, and hears one DONE a STEP, after all that came with it. */
-TEST_WITH(one_connection_has_an_order, start, stop)
+TEST_ON(one_connection_has_an_order, start, f)
 {
     enum { STEPS = 100, FLOOD = 7 };
-    struct fixture *f = *test_state;
     struct client client;
 
     f->flood = FLOOD;
@@ -318,10 +310,9 @@ TEST_WITH(one_connection_has_an_order, start, stop)
 }
 
 /* A STEP and what follows it in one breath: what follows belongs to the next, on every bus. */
-TEST_WITH(nothing_overtakes_a_step_that_runs, start, stop)
+TEST_ON(nothing_overtakes_a_step_that_runs, start, f)
 {
     enum { STEPS = 10 };
-    struct fixture *f = *test_state;
     struct client client;
     uint64_t one_by_one = 0;
 
@@ -367,10 +358,9 @@ static void client_read_a_little(struct client *client, size_t frames)
 }
 
 /* The STEPs wait for who reads slowly, only when it has to, so that it loses nothing. */
-TEST_WITH(a_step_waits_for_a_slow_client, start, stop)
+TEST_ON(a_step_waits_for_a_slow_client, start, f)
 {
     enum { STEPS = 200, FLOOD = 1000 };
-    struct fixture *f = *test_state;
     struct gateway_counters counters;
     struct client client, slow;
 
@@ -399,10 +389,9 @@ TEST_WITH(a_step_waits_for_a_slow_client, start, stop)
 }
 
 /* Who does not read at all holds a STEP up once, then it is disconnected. */
-TEST_WITH(a_step_does_not_wait_for_ever, start, stop)
+TEST_ON(a_step_does_not_wait_for_ever, start, f)
 {
     enum { STEPS = 200, FLOOD = 1000 };
-    struct fixture *f = *test_state;
     struct gateway_counters counters;
     struct client client, slow;
 
@@ -420,10 +409,9 @@ TEST_WITH(a_step_does_not_wait_for_ever, start, stop)
 }
 
 /* One wake-up for the STEP and one for its DONE; others only by time. */
-TEST_WITH(a_step_costs_two_wakeups, start, stop)
+TEST_ON(a_step_costs_two_wakeups, start, f)
 {
     enum { STEPS = 1000, RESERVE = 100 };
-    struct fixture *f = *test_state;
     struct gateway_counters counters;
     struct client client;
     int64_t begin_ms;
@@ -442,10 +430,9 @@ TEST_WITH(a_step_costs_two_wakeups, start, stop)
 }
 
 /* A command and a STEP by a client that waits for acknowledgements: a delayed one takes 40 ms. */
-TEST_WITH(every_command_is_acknowledged_at_once, start, stop)
+TEST_ON(every_command_is_acknowledged_at_once, start, f)
 {
     enum { STEPS = 100, DELAYED_MS = 35 };
-    struct fixture *f = *test_state;
     struct client client;
     int delayed = 0;
 
@@ -463,9 +450,8 @@ TEST_WITH(every_command_is_acknowledged_at_once, start, stop)
 }
 
 /* A STEP whose DONE never comes does not lock the client out. */
-TEST_WITH(a_lost_step_may_be_sent_again, start, stop)
+TEST_ON(a_lost_step_may_be_sent_again, start, f)
 {
-    struct fixture *f = *test_state;
     struct client client;
 
     atomic_store(&f->stop, true);

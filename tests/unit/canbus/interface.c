@@ -6,7 +6,6 @@
 #include "tests/test.h"
 
 #include <net/if_arp.h>
-#include <string.h>
 
 static struct link_info described(uint16_t type, const char *kind)
 {

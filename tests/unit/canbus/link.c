@@ -9,7 +9,6 @@
 #include <linux/rtnetlink.h>
 #include <net/if.h>
 #include <net/if_arp.h>
-#include <string.h>
 #include <unistd.h>
 
 /* An answer under construction, as large as the kernel's. */

@@ -9,7 +9,6 @@
 #include <poll.h>
 #include <pthread.h>
 #include <sched.h>
-#include <string.h>
 
 enum { NODES = 4, INBOX = 64 };
 
@@ -37,25 +36,18 @@ static enum error_code create(const char *name, size_t max_nodes, size_t inbox, 
     return local_bus_create(&config, arena, bus, error);
 }
 
-FIXTURE(set_up)
+static inline void set_up(struct bench *bench)
 {
-    static struct bench bench;
     struct error error;
 
-    memset(&bench, 0, sizeof bench);
-    assert_ok(arena_init(&bench.arena, 64 << 20, &error));
-    assert_ok(create("limb", NODES, INBOX, false, &bench.arena, &bench.bus, &error));
-    *test_state = &bench;
-    return 0;
+    assert_ok(arena_init(&bench->arena, 64 << 20, &error));
+    assert_ok(create("limb", NODES, INBOX, false, &bench->arena, &bench->bus, &error));
 }
 
-FIXTURE(tear_down)
+static inline void tear_down(struct bench *bench)
 {
-    struct bench *bench = *test_state;
-
     local_bus_destroy(bench->bus);
     arena_fini(&bench->arena);
-    return 0;
 }
 
 static void join_all(struct bench *bench)
@@ -80,9 +72,10 @@ static bool readable(int descriptor)
     return poll(&poll_for, 1, 0) == 1;
 }
 
-TEST_WITH(gives_a_frame_to_every_other_node_with_all_its_fields, set_up, tear_down)
+BENCH(set_up, struct bench, tear_down)
+
+TEST_ON(gives_a_frame_to_every_other_node_with_all_its_fields, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame sent = {.id = 0x1ABCDEF0, .flags = FRAME_EXTENDED, .len = 3, .time_ns = 42};
     struct bus_frame got[4];
 
@@ -109,9 +102,8 @@ TEST_WITH(gives_a_frame_to_every_other_node_with_all_its_fields, set_up, tear_do
 }
 
 /* Three nodes send in an order of their own; the fourth reads in odd portions. */
-TEST_WITH(keeps_the_order_of_the_bus_over_many_senders, set_up, tear_down)
+TEST_ON(keeps_the_order_of_the_bus_over_many_senders, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame got[INBOX];
     uint32_t sent = 0, seen = 0, random = 12345;
 
@@ -139,9 +131,8 @@ TEST_WITH(keeps_the_order_of_the_bus_over_many_senders, set_up, tear_down)
     assert_int_equal(bench->node[3]->counters.rx_dropped, 0);
 }
 
-TEST_WITH(drops_the_newest_when_an_inbox_is_full_and_counts_them, set_up, tear_down)
+TEST_ON(drops_the_newest_when_an_inbox_is_full_and_counts_them, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame got[2 * INBOX];
 
     join_all(bench);
@@ -168,7 +159,7 @@ TEST_WITH(drops_the_newest_when_an_inbox_is_full_and_counts_them, set_up, tear_d
     assert_int_equal(bench->node[2]->counters.rx_dropped, 10);
 }
 
-TEST_WITH(passes_what_a_filter_matches_and_every_error_frame, set_up, tear_down)
+TEST_ON(passes_what_a_filter_matches_and_every_error_frame, set_up, bench)
 {
     static const struct {
         uint32_t id;
@@ -192,7 +183,6 @@ TEST_WITH(passes_what_a_filter_matches_and_every_error_frame, set_up, tear_down)
         {.id = 0x7AA, .mask = 0x700},
         {.id = 0x0ABC0000, .mask = 0x1FFFFF00, .extended = true},
     };
-    struct bench *bench = *test_state;
     struct can_port *sender = join(bench->bus), *picky;
     struct bus_frame got[2];
     struct error error;
@@ -210,9 +200,8 @@ TEST_WITH(passes_what_a_filter_matches_and_every_error_frame, set_up, tear_down)
     assert_int_equal(picky->counters.rx_dropped, 0);
 }
 
-TEST_WITH(refuses_invalid_frames_alone_and_counts_them, set_up, tear_down)
+TEST_ON(refuses_invalid_frames_alone_and_counts_them, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame frames[4] = {
         {.id = 0x123, .len = 8},
         {.id = 0x800, .len = 8},
@@ -230,9 +219,8 @@ TEST_WITH(refuses_invalid_frames_alone_and_counts_them, set_up, tear_down)
     assert_int_equal(got[1].id, 0x124);
 }
 
-TEST_WITH(carries_fd_frames_on_an_fd_bus, set_up, tear_down)
+TEST_ON(carries_fd_frames_on_an_fd_bus, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame sent = {.id = 0x123, .flags = FRAME_FD | FRAME_BRS, .len = 64}, got[2];
     struct can_port *a, *b;
     struct local_bus *bus;
@@ -250,7 +238,7 @@ TEST_WITH(carries_fd_frames_on_an_fd_bus, set_up, tear_down)
     local_bus_destroy(bus);
 }
 
-TEST_WITH(follows_the_controller_states_that_error_frames_report, set_up, tear_down)
+TEST_ON(follows_the_controller_states_that_error_frames_report, set_up, bench)
 {
     static const struct {
         struct bus_frame frame;
@@ -265,7 +253,6 @@ TEST_WITH(follows_the_controller_states_that_error_frames_report, set_up, tear_d
         {{.id = CAN_ERR_CRTL, .data[1] = CAN_ERR_CRTL_RX_WARNING}, CAN_PORT_WARNING},
         {{.id = CAN_ERR_CRTL, .data[1] = CAN_ERR_CRTL_ACTIVE}, CAN_PORT_UP},
     };
-    struct bench *bench = *test_state;
     struct bus_frame frame, got[2];
 
     join_all(bench);
@@ -290,9 +277,8 @@ TEST_WITH(follows_the_controller_states_that_error_frames_report, set_up, tear_d
     assert_int_equal(bench->node[1]->state, CAN_PORT_UP);
 }
 
-TEST_WITH(descriptor_is_readable_once_for_each_call_while_frames_wait, set_up, tear_down)
+TEST_ON(descriptor_is_readable_once_for_each_call_while_frames_wait, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame frame = numbered(1, 1), got[8];
     int descriptor;
 
@@ -323,9 +309,8 @@ TEST_WITH(descriptor_is_readable_once_for_each_call_while_frames_wait, set_up, t
     }
 }
 
-TEST_WITH(closed_node_receives_no_more_and_disturbs_nobody, set_up, tear_down)
+TEST_ON(closed_node_receives_no_more_and_disturbs_nobody, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct bus_frame frame = numbered(1, 1), got[8];
 
     join_all(bench);
@@ -338,10 +323,9 @@ TEST_WITH(closed_node_receives_no_more_and_disturbs_nobody, set_up, tear_down)
     assert_int_equal(bench->node[1]->counters.rx_dropped, 0);
 }
 
-TEST_WITH(refuses_impossible_sizes_with_a_message, set_up, tear_down)
+TEST_ON(refuses_impossible_sizes_with_a_message, set_up, bench)
 {
     struct frame_filter filters[LOCAL_BUS_FILTERS_MAX + 1] = {{0}};
-    struct bench *bench = *test_state;
     struct can_port *port;
     struct local_bus *bus;
     struct arena small;
@@ -424,9 +408,8 @@ static void *exchange(void *context)
     return NULL;
 }
 
-TEST_WITH(three_threads_exchange_everything_in_order, set_up, tear_down)
+TEST_ON(three_threads_exchange_everything_in_order, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct stream stream[3];
     pthread_t thread[3];
 
@@ -467,9 +450,8 @@ static void *flood(void *context)
 }
 
 /* A writer that never waits: what arrives is in order, and what does not is counted. */
-TEST_WITH(accounts_for_every_frame_of_a_flood, set_up, tear_down)
+TEST_ON(accounts_for_every_frame_of_a_flood, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct flood work = {.port = join(bench->bus), .count = 200000};
     struct can_port *reader = join(bench->bus);
     struct bus_frame got[INBOX];

@@ -6,19 +6,18 @@
 
 #include <linux/can/error.h>
 
-#include <string.h>
-
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/canbus/numbered_frames.h"
 #include "tests/test.h"
 #include "tests/unit/canbus/wire/wire_force.h"
+
+static struct error error;
 
 TEST_WITH(frames_between_own_nodes_go_back_and_others_stay, open_arena, close_arena)
 {
     const struct local_bus_config config = {.name = "bus", .max_nodes = 3, .inbox = 16};
     struct can_port *own[2], *other;
     struct local_bus *bus;
-    struct error error;
     void *memory;
 
     assert_ok(local_bus_create(&config, &arena, &bus, &error));
@@ -54,7 +53,6 @@ TEST_WITH(more_frames_than_a_copy_holds_are_refused, open_arena, close_arena)
     struct can_port *own[2];
     struct bus_frame frame;
     struct local_bus *bus;
-    struct error error;
     void *memory;
 
     assert_ok(local_bus_create(&config, &arena, &bus, &error));
@@ -98,7 +96,6 @@ struct bench {
 static struct can_port *join(struct local_bus *bus, size_t nodes)
 {
     struct can_port *port = NULL;
-    struct error error;
 
     assert_ok(local_bus_join(bus, nodes, NULL, 0, &port, &error));
     return port;
@@ -114,7 +111,6 @@ static struct bench open_wire(void)
                                             .queue = QUEUE,
                                             .restart_delay_ns = 10 * MS};
     struct bench bench;
-    struct error error;
 
     assert_ok(local_bus_create(&config, &arena, &bench.bus, &error));
     bench.boards = join(bench.bus, BOARDS);

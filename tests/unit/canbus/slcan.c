@@ -3,8 +3,6 @@
 #include "canbus/slcan.h"
 #include "tests/test.h"
 
-#include <string.h>
-
 static struct slcan_request parse(const char *text)
 {
     struct slcan_request request;

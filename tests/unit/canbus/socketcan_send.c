@@ -5,8 +5,6 @@
  */
 #include "canbus/socketcan.c"
 
-#include <string.h>
-
 #include "base/array.h"
 #include "tests/test.h"
 

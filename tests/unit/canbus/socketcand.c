@@ -5,10 +5,6 @@
 #include "base/array.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
 static struct socketcand_request parse(const char *text)
 {
     struct socketcand_request request;

@@ -5,8 +5,6 @@
 
 #include "boards/foc/protocol.h"
 
-#include <math.h>
-
 static struct bench bench;
 
 static void assert_refused(const char *request, const char *code, const char *words)

@@ -3,8 +3,6 @@
 #include "control/parse.h"
 #include "tests/test.h"
 
-#include <string.h>
-
 static struct control_request request;
 static struct error error;
 

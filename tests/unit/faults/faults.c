@@ -9,34 +9,30 @@ struct bench {
     struct faults *faults;
 };
 
-FIXTURE(set_up)
+static void set_up(struct bench *bench)
 {
-    static struct bench bench;
     const struct fault fault[] = {parse("motor LKneeSag jam 2..2.5"),
                                   parse("lossy: bus left_leg loss 0.1 manual"),
                                   parse("sensor imu off 0..0.001")};
 
-    assert_ok(arena_init(&bench.arena, 1 << 20, &error));
-    assert_ok(faults_create(fault, 3, 7, &bench.arena, &bench.faults, &error));
-    *test_state = &bench;
-    return 0;
+    assert_ok(arena_init(&bench->arena, 1 << 20, &error));
+    assert_ok(faults_create(fault, 3, 7, &bench->arena, &bench->faults, &error));
 }
 
-FIXTURE(tear_down)
+static void tear_down(struct bench *bench)
 {
-    arena_fini(&((struct bench *)*test_state)->arena);
-    return 0;
+    arena_fini(&bench->arena);
 }
+
+BENCH(set_up, struct bench, tear_down)
 
 static bool is_active(const struct bench *bench, size_t i)
 {
     return faults_at(bench->faults, i)->active;
 }
 
-TEST_WITH(window_holds_from_its_begin_to_before_its_end, set_up, tear_down)
+TEST_ON(window_holds_from_its_begin_to_before_its_end, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     assert_false(is_active(bench, 2)); /* not before the first step */
     faults_step(bench->faults, 0);
     assert_true(is_active(bench, 2) && !is_active(bench, 0) && !is_active(bench, 1));
@@ -52,9 +48,8 @@ TEST_WITH(window_holds_from_its_begin_to_before_its_end, set_up, tear_down)
     assert_false(is_active(bench, 0));
 }
 
-TEST_WITH(hand_overrules_the_clock, set_up, tear_down)
+TEST_ON(hand_overrules_the_clock, set_up, bench)
 {
-    struct bench *bench = *test_state;
     int lossy = faults_find(bench->faults, "lossy");
 
     assert_int_equal(lossy, 1);
@@ -73,9 +68,8 @@ TEST_WITH(hand_overrules_the_clock, set_up, tear_down)
     assert_false(faults_set(bench->faults, 2 * SECOND, 3, true));
 }
 
-TEST_WITH(each_change_is_one_event, set_up, tear_down)
+TEST_ON(each_change_is_one_event, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct fault_event event;
     char text[256];
 
@@ -96,9 +90,8 @@ TEST_WITH(each_change_is_one_event, set_up, tear_down)
     assert_false(faults_next_event(bench->faults, &event));
 }
 
-TEST_WITH(a_run_may_have_no_faults, set_up, tear_down)
+TEST_ON(a_run_may_have_no_faults, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct fault_event event;
     struct faults *faults;
 
@@ -110,9 +103,8 @@ TEST_WITH(a_run_may_have_no_faults, set_up, tear_down)
 }
 
 /* A name of one letter counts, and so does the number of another fault. */
-TEST_WITH(refuses_the_number_of_another_fault_as_a_name, set_up, tear_down)
+TEST_ON(refuses_the_number_of_another_fault_as_a_name, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const struct fault fault[] = {parse("a: motor LKneeSag jam"), parse("3: motor LHipSag jam"),
                                   parse("motor LHipSag jam")};
     struct faults *faults;
@@ -123,9 +115,8 @@ TEST_WITH(refuses_the_number_of_another_fault_as_a_name, set_up, tear_down)
     assert_non_null(strstr(error.text, "name 3 again"));
 }
 
-TEST_WITH(refuses_one_name_twice, set_up, tear_down)
+TEST_ON(refuses_one_name_twice, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const struct fault fault[] = {parse("a: motor LKneeSag jam"), parse("a: motor LHipSag jam")};
     struct faults *faults;
 

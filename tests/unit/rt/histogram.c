@@ -3,12 +3,8 @@
 #include "rt/histogram.h"
 #include "tests/test.h"
 
-#include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
-#include <stdbool.h>
-#include <stdlib.h>
-#include <string.h>
 
 enum { SAMPLES = 20001 };
 

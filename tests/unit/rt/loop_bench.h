@@ -8,8 +8,6 @@
 #include "rt/loop.h"
 #include "tests/test.h"
 
-#include <string.h>
-
 #define TICK CLOCK_MS
 #define START (INT64_C(5000) * CLOCK_SECOND + 123457)
 

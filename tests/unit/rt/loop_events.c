@@ -5,8 +5,6 @@
 
 #include "rt/request_machine.h"
 
-#include <string.h>
-
 #include "tests/unit/arena_fixture.h"
 #include "tests/test.h"
 

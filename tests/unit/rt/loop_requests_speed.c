@@ -3,8 +3,6 @@
 #include "tests/tunables.h"
 #include "tests/unit/rt/request_bench.h"
 
-#include <math.h>
-
 /* ---- speed ---- */
 
 static void speed_at_10(struct request_bench *unused)

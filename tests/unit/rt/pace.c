@@ -2,8 +2,6 @@
 /* A clock at a multiple of another, by a scripted one behind it. */
 #include "rt/clock.h"
 
-#include <string.h>
-
 #include "tests/unit/arena_fixture.h"
 #include "tests/test.h"
 

@@ -5,8 +5,6 @@
 #include "tests/test.h"
 
 #include <sched.h>
-#include <stdio.h>
-#include <string.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>

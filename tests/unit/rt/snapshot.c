@@ -4,7 +4,6 @@
 #include "tests/test.h"
 
 #include <pthread.h>
-#include <stdbool.h>
 
 enum { WORDS = 200, VALUES = 200000, READERS = 2 };
 

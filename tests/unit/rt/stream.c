@@ -6,7 +6,6 @@
 #include <pthread.h>
 #include <sched.h>
 #include <stdatomic.h>
-#include <stdbool.h>
 
 enum { SIGNALS = 5, ROWS = 8, TICKS = 200000 };
 

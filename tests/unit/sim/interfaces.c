@@ -64,11 +64,9 @@ static enum error_code restart(void *context, const char *name, struct error *er
     return ERROR_NONE;
 }
 
-FIXTURE(set_up)
+static void set_up(struct bench *bench)
 {
-    static struct bench bench;
-
-    bench = (struct bench){
+    *bench = (struct bench){
         .link = {.index = 4,
                  .up = true,
                  .type = ARPHRD_CAN,
@@ -78,12 +76,12 @@ FIXTURE(set_up)
         .bus = {.name = "torso", .interface = "can0", .bitrate = 1000000},
         .name = "can0",
     };
-    bench.rig = (struct rig){.nbus = 1, .bus = &bench.bus};
-    bench.ops = (struct interface_ops){query, configure, restart, &bench};
-    interfaces_init(&bench.interfaces, &bench.rig, &bench.name, &bench.box, &bench.ops);
-    *test_state = &bench;
-    return 0;
+    bench->rig = (struct rig){.nbus = 1, .bus = &bench->bus};
+    bench->ops = (struct interface_ops){query, configure, restart, bench};
+    interfaces_init(&bench->interfaces, &bench->rig, &bench->name, &bench->box, &bench->ops);
 }
+
+BENCH(set_up, struct bench, (void))
 
 static enum error_code prepare(struct bench *bench, struct error *error)
 {
@@ -115,9 +113,8 @@ static void look(struct bench *bench, const char *event)
     assert_says(text, event);
 }
 
-TEST_WITH(takes_an_interface_as_it_is_when_the_bit_rate_fits, set_up, NULL)
+TEST_ON(takes_an_interface_as_it_is_when_the_bit_rate_fits, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct error error;
 
     bench->link.controller.timing.bitrate = 1004000; /* as near as some clocks come */
@@ -125,9 +122,8 @@ TEST_WITH(takes_an_interface_as_it_is_when_the_bit_rate_fits, set_up, NULL)
     assert_int_equal(bench->configured, 0);
 }
 
-TEST_WITH(refuses_another_bit_rate_and_says_how_to_set_it, set_up, NULL)
+TEST_ON(refuses_another_bit_rate_and_says_how_to_set_it, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct error error;
 
     bench->link.controller.timing.bitrate = 500000;
@@ -137,9 +133,8 @@ TEST_WITH(refuses_another_bit_rate_and_says_how_to_set_it, set_up, NULL)
     assert_int_equal(bench->configured, 0);
 }
 
-TEST_WITH(refuses_another_data_bit_rate_even_where_it_may_configure, set_up, NULL)
+TEST_ON(refuses_another_data_bit_rate_even_where_it_may_configure, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct error error;
 
     bench->bus.fd = bench->bus.configure = true;
@@ -150,9 +145,8 @@ TEST_WITH(refuses_another_data_bit_rate_even_where_it_may_configure, set_up, NUL
     assert_ok(prepare(bench, &error));
 }
 
-TEST_WITH(configures_what_differs_and_leaves_alone_what_does_not, set_up, NULL)
+TEST_ON(configures_what_differs_and_leaves_alone_what_does_not, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct error error;
 
     bench->bus.configure = true;
@@ -171,9 +165,8 @@ TEST_WITH(configures_what_differs_and_leaves_alone_what_does_not, set_up, NULL)
     assert_int_equal(prepare(bench, &error), ERROR_SYSTEM);
 }
 
-TEST_WITH(leaves_virtual_and_missing_interfaces_alone, set_up, NULL)
+TEST_ON(leaves_virtual_and_missing_interfaces_alone, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct error error;
 
     bench->bus.configure = true;
@@ -187,7 +180,7 @@ TEST_WITH(leaves_virtual_and_missing_interfaces_alone, set_up, NULL)
     assert_int_equal(bench->box.post, 0);
 }
 
-TEST_WITH(looks_once_a_second_and_posts_every_state, set_up, NULL)
+TEST_ON(looks_once_a_second_and_posts_every_state, set_up, bench)
 {
     static const struct {
         enum can_state state;
@@ -198,7 +191,6 @@ TEST_WITH(looks_once_a_second_and_posts_every_state, set_up, NULL)
         {CAN_STATE_ERROR_PASSIVE, CAN_PORT_PASSIVE},
         {CAN_STATE_ERROR_PASSIVE, CAN_PORT_PASSIVE}, /* told again: a port may have missed it */
     };
-    struct bench *bench = *test_state;
     uint32_t last = 0;
 
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
@@ -215,10 +207,8 @@ TEST_WITH(looks_once_a_second_and_posts_every_state, set_up, NULL)
     assert_int_equal(bench->box.post, last);
 }
 
-TEST_WITH(reports_bus_off_once_and_restarts_nothing_that_it_may_not_set, set_up, NULL)
+TEST_ON(reports_bus_off_once_and_restarts_nothing_that_it_may_not_set, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->link.controller.state = CAN_STATE_BUS_OFF;
     look(bench, "is in bus-off until it is restarted");
     assert_int_equal(bench->box.post & 0xff, CAN_PORT_BUS_OFF);
@@ -232,9 +222,8 @@ TEST_WITH(reports_bus_off_once_and_restarts_nothing_that_it_may_not_set, set_up,
     assert_int_equal(bench->restarted, 0);
 }
 
-TEST_WITH(restarts_at_most_ten_times_in_a_minute, set_up, NULL)
+TEST_ON(restarts_at_most_ten_times_in_a_minute, set_up, bench)
 {
-    struct bench *bench = *test_state;
     int64_t first;
 
     bench->bus.configure = true;
@@ -254,10 +243,8 @@ TEST_WITH(restarts_at_most_ten_times_in_a_minute, set_up, NULL)
     assert_int_equal(bench->restarted, INTERFACES_RESTARTS + 1);
 }
 
-TEST_WITH(restores_the_bit_rate_of_what_was_changed_or_created_anew, set_up, NULL)
+TEST_ON(restores_the_bit_rate_of_what_was_changed_or_created_anew, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->bus.configure = true;
     look(bench, "");
     bench->link.controller.timing.bitrate = 250000;
@@ -282,10 +269,8 @@ TEST_WITH(restores_the_bit_rate_of_what_was_changed_or_created_anew, set_up, NUL
     assert_int_equal(bench->configured, 3);
 }
 
-TEST_WITH(reports_a_changed_bit_rate_once_where_it_may_not_set_it, set_up, NULL)
+TEST_ON(reports_a_changed_bit_rate_once_where_it_may_not_set_it, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     look(bench, "");
     bench->link.controller.timing.bitrate = 250000;
     look(bench, "runs at 250000 bit/s, the rig says 1000000: it disturbs the bus");
@@ -297,9 +282,8 @@ TEST_WITH(reports_a_changed_bit_rate_once_where_it_may_not_set_it, set_up, NULL)
     assert_int_equal(bench->configured, 0);
 }
 
-TEST_WITH(describes_a_controller, set_up, NULL)
+TEST_ON(describes_a_controller, set_up, bench)
 {
-    struct bench *bench = *test_state;
     char text[320];
 
     bench->link.controller.errors = (struct can_berr_counter){.txerr = 128, .rxerr = 7};

@@ -142,8 +142,7 @@ TEST(an_over_current_trips_again_after_it_was_enabled_again)
             assert_int_equal(bench_find(&bench, 0, status_id[axis])->data[0],
                              ICUB_MODE_HARDWARE_FAULT);
             show_current(&bench, axis, 0.0);
-            bench_send(&bench, 0, command_id[axis], "09 09");
-            bench_send(&bench, 0, command_id[axis], "09 50");
+            bench_send(&bench, 0, command_id[axis], "09 09; 09 50");
             run_targets(&bench, 10);
             assert_true(bench.motor[axis].bridge_on);
             assert_int_equal(get_u32_le(bench_find(&bench, 0, status_id[axis])->data + 4), 0);
@@ -166,8 +165,7 @@ TEST_ON(faults_gather_until_they_are_cleared, start_differently, bench)
         assert_int_equal(event.a, FOC_FAULT_UNDER_VOLTAGE);
         assert_int_equal(get_u32_le(bench_find(bench, 0, status_id[axis])->data + 4),
                          FOC_FAULT_UNDER_VOLTAGE);
-        bench_send(bench, 0, command_id[axis], "09 09");
-        bench_send(bench, 0, command_id[axis], "09 50");
+        bench_send(bench, 0, command_id[axis], "09 09; 09 50");
     }
     run_targets(bench, 3);
     assert_true(bench->motor[0].bridge_on && bench->motor[1].bridge_on);

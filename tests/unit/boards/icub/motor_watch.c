@@ -10,9 +10,7 @@ static void count_to_timeout(bool strict, int64_t timeout_ns, int *ticks)
     bench.board[0].strict = strict;
     bench.board[0].command_timeout_ns = timeout_ns;
     bench_start(&bench);
-    bench_send(&bench, 0, 0x001, "5B 01 06");
-    bench_send(&bench, 0, 0x001, "52 00 00 00 00 00 00 00");
-    bench_send(&bench, 0, 0x001, "54 00 00 35 05 35 05");
+    bench_send(&bench, 0, 0x001, "5B 01 06; 52 00 00 00 00 00 00 00; 54 00 00 35 05 35 05");
     set_mode(&bench, 0x50);
     bench_tick(&bench);
     bench_send(&bench, 0, 0x001, "72 4D 01");

@@ -31,9 +31,8 @@ static double yaw_of(const double q[4])
     return atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]));
 }
 
-TEST_WITH(at_rest_it_tells_the_attitude, set_up, tear_down)
+TEST_ON(at_rest_it_tells_the_attitude, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double rpy[][3] = {
         {0, 0, 0}, {0.3, -0.4, 2.5}, {1.5707963, 0, 1.5707963}, {3.0, 1.2, -3}};
 
@@ -58,9 +57,8 @@ TEST_WITH(at_rest_it_tells_the_attitude, set_up, tear_down)
 
 /* Level, accelerated by a along x from the second sample on: it pitches toward
  * -atan(a / g) = p with tan((p - pitch) / 2) = tan(p / 2) exp(-kp t), one step of 1 ms behind. */
-TEST_WITH(steady_acceleration_tilts_it_as_the_closed_form, set_up, tear_down)
+TEST_ON(steady_acceleration_tilts_it_as_the_closed_form, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, kp = 0.5, a = 3.0, p = -atan(a / g);
 
     bench->config.imu.ahrs = (struct ahrs_config){.on = true, .accel_per_s = kp};
@@ -81,9 +79,8 @@ TEST_WITH(steady_acceleration_tilts_it_as_the_closed_form, set_up, tear_down)
 
 /* Swaying at 1 Hz, a sine of the acceleration, it errs by atan(A / g) through a low pass of the
  * first order, kp / sqrt(kp^2 + w^2). */
-TEST_WITH(swaying_tilts_it_through_a_low_pass, set_up, tear_down)
+TEST_ON(swaying_tilts_it_through_a_low_pass, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, kp = 1.0, A = 0.3, w = 2.0 * pi;
     double in_phase = 0.0, quadrature = 0.0;
 
@@ -104,9 +101,8 @@ TEST_WITH(swaying_tilts_it_through_a_low_pass, set_up, tear_down)
 
 /* A gyro's bias of b tilts it by asin(b / kp), and not at all once it is estimated; the heading by
  * asin(b / km). */
-TEST_WITH(bias_of_the_gyro_tilts_and_turns_it, set_up, tear_down)
+TEST_ON(bias_of_the_gyro_tilts_and_turns_it, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, b = 0.02;
 
     for (int estimated = 0; estimated < 2; estimated++) {
@@ -131,9 +127,8 @@ TEST_WITH(bias_of_the_gyro_tilts_and_turns_it, set_up, tear_down)
 
 /* In a field with a dip of d a tilt of e about north, which nothing corrects, is taken for a
  * heading of e tan(d). */
-TEST_WITH(tilt_leaks_into_the_heading_by_the_dip, set_up, tear_down)
+TEST_ON(tilt_leaks_into_the_heading_by_the_dip, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double level[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, e = 0.002;
     double R[9];
 
@@ -151,9 +146,8 @@ TEST_WITH(tilt_leaks_into_the_heading_by_the_dip, set_up, tear_down)
 
 /* Turning about the vertical by a turn and a half without any correction: the integral of a
  * constant rate is exact. */
-TEST_WITH(integrates_the_rate, set_up, tear_down)
+TEST_ON(integrates_the_rate, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, rate = 3.0;
 
     bench->config.imu.ahrs = (struct ahrs_config){.on = true};
@@ -172,9 +166,8 @@ TEST_WITH(integrates_the_rate, set_up, tear_down)
 }
 
 /* Axes that are turned by a small vector r show x - r x x. */
-TEST_WITH(misaligned_axes_are_turned, set_up, tear_down)
+TEST_ON(misaligned_axes_are_turned, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double gyro[3] = {0.004, -0.003, 0.002}, accel[3] = {-0.001, 0.005, 0.003};
     const double rate[3] = {1.0, 2.0, -0.5}, force[3] = {0.4, -0.2, g};
     double shown[3];
@@ -198,10 +191,8 @@ TEST_WITH(misaligned_axes_are_turned, set_up, tear_down)
     }
 }
 
-TEST_WITH(without_field_and_force_nothing_is_corrected, set_up, tear_down)
+TEST_ON(without_field_and_force_nothing_is_corrected, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->config.imu.ahrs = (struct ahrs_config){true, 1.0, 1.0, 0.1};
     bench->truth.imu.quaternion[0] = 1.0;
     start(bench);
@@ -212,9 +203,8 @@ TEST_WITH(without_field_and_force_nothing_is_corrected, set_up, tear_down)
 }
 
 /* What a fault makes of gyro, accelerometer or field is no end of the attitude. */
-TEST_WITH(readings_beyond_all_numbers_are_left_out, set_up, tear_down)
+TEST_ON(readings_beyond_all_numbers_are_left_out, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     double *const reading[] = {bench->truth.imu.gyro_rad_s, bench->truth.imu.accel_m_s2,
                                bench->truth.imu.magnetic_t};
@@ -236,9 +226,8 @@ TEST_WITH(readings_beyond_all_numbers_are_left_out, set_up, tear_down)
     }
 }
 
-TEST_WITH(refuses_impossible_filters, set_up, tear_down)
+TEST_ON(refuses_impossible_filters, set_up, bench)
 {
-    struct bench *bench = *test_state;
     struct error error;
 
     bench->config.imu.ahrs = (struct ahrs_config){.on = true, .accel_per_s = -1.0};

@@ -32,9 +32,8 @@ static double response(struct bench *bench, double f_hz, double *lag_rad)
 
 /* The bilinear transform maps f to tan(pi f T), the corner to itself: a gain of
  * 1 / sqrt(1 + r^4) and a lag of atan2(sqrt(2) r, 1 - r^2), r = tan(pi f T) / tan(pi fc T). */
-TEST_WITH(low_pass_has_the_response_of_a_butterworth, set_up, tear_down)
+TEST_ON(low_pass_has_the_response_of_a_butterworth, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double frequency[] = {1.0, 20.0, 80.0, 100.0, 250.0, 400.0};
 
     bench->joint[1].torque.bandwidth_hz = 80.0;
@@ -46,10 +45,8 @@ TEST_WITH(low_pass_has_the_response_of_a_butterworth, set_up, tear_down)
     }
 }
 
-TEST_WITH(low_pass_starts_settled, set_up, tear_down)
+TEST_ON(low_pass_starts_settled, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->joint[1].torque.bandwidth_hz = 5.0;
     bench->motor[1].torque_nm = 30.0;
     start(bench);
@@ -62,9 +59,8 @@ TEST_WITH(low_pass_starts_settled, set_up, tear_down)
 /* Six plays of half widths r = F/2, F/4 ... F/64, each of the weight w = h / (2 - 1/32): once
  * around the amplitude A their loops have the area sum 4 w r (A - r), r < A, and in the middle the
  * branches are sum 2 w min(r, A - r) apart. */
-TEST_WITH(hysteresis_encloses_the_area_of_its_plays, set_up, tear_down)
+TEST_ON(hysteresis_encloses_the_area_of_its_plays, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double scale = 80.0, h = 0.01, weight = h / (2.0 - 1.0 / 32.0);
     const double amplitude[] = {80.0, 20.0, 2.0, 1.2};
     const int quarter = 4000;
@@ -105,9 +101,8 @@ TEST_WITH(hysteresis_encloses_the_area_of_its_plays, set_up, tear_down)
 }
 
 /* Rate-independent, and gone where nothing is hysteretic: below the narrowest play a line. */
-TEST_WITH(small_loops_have_no_hysteresis, set_up, tear_down)
+TEST_ON(small_loops_have_no_hysteresis, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double slope = 1.0 - 6.0 * 0.01 / (2.0 - 1.0 / 32.0);
 
     bench->joint[1].torque = (struct sensor_error){.hysteresis = 0.01, .full_scale = 64.0};
@@ -122,10 +117,9 @@ TEST_WITH(small_loops_have_no_hysteresis, set_up, tear_down)
 /* A Gauss-Markov process of rms s and correlation time T has the autocovariance
  * s^2 exp(-|t| / T) from the start: over an ensemble, at the first sample and at three lags. The
  * product of two Gaussian numbers of correlation c deviates by sqrt(1 + c^2). */
-TEST_WITH(instability_has_its_rms_and_correlation, set_up, tear_down)
+TEST_ON(instability_has_its_rms_and_correlation, set_up, bench)
 {
     enum { LAGS = 4 };
-    struct bench *bench = *test_state;
     const double s = 2e-3, T = 0.05;
     const int lag[LAGS] = {0, 10, 50, 150}, rounds = 1500;
     double product[LAGS] = {0.0}, n = 0.0;
@@ -160,10 +154,8 @@ TEST_WITH(instability_has_its_rms_and_correlation, set_up, tear_down)
 }
 
 /* Offset and gain follow rise_k (1 - exp(-t / tau)). */
-TEST_WITH(warming_moves_offset_and_gain, set_up, tear_down)
+TEST_ON(warming_moves_offset_and_gain, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->ft[0].force = (struct sensor_error){.offset_per_k = 0.3, .gain_per_k = 1e-3};
     bench->ft[0].warm_up = (struct sensor_warm_up){.rise_k = 12.0, .time_constant_s = 4.0};
     bench->sense.force_n[2] = 250.0;
@@ -180,9 +172,8 @@ TEST_WITH(warming_moves_offset_and_gain, set_up, tear_down)
 
 /* Of x = t a board that samples every P shows its last instant: readings are whole multiples of P
  * apart, never newer than now, never older than P, the same on all channels of the board. */
-TEST_WITH(boards_sample_by_clocks_of_their_own, set_up, tear_down)
+TEST_ON(boards_sample_by_clocks_of_their_own, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double ppm = 200.0, rate[] = {1.0, 1.0};
     double period[2] = {0.0}, last[2] = {0.0}, least[2] = {1.0, 1.0}, most[2] = {0.0};
     int samples[2] = {0};
@@ -224,10 +215,9 @@ TEST_WITH(boards_sample_by_clocks_of_their_own, set_up, tear_down)
 }
 
 /* What is drawn for a clock goes by its name, whatever boards come before it. */
-TEST_WITH(clocks_are_drawn_by_their_names, set_up, tear_down)
+TEST_ON(clocks_are_drawn_by_their_names, set_up, bench)
 {
     static const char *const names[][2] = {{"left/0x01", "left/0x02"}, {"left/0x02", "right/0x01"}};
-    struct bench *bench = *test_state;
     double shown[2][2];
 
     bench->joint[1].clock = 1;
@@ -249,10 +239,9 @@ TEST_WITH(clocks_are_drawn_by_their_names, set_up, tear_down)
 }
 
 /* The error of an eccentric ring over a turn is a sine once and one twice a turn, and 0 at 0. */
-TEST_WITH(eccentric_encoder_errs_once_and_twice_a_turn, set_up, tear_down)
+TEST_ON(eccentric_encoder_errs_once_and_twice_a_turn, set_up, bench)
 {
     enum { TURN = 360, PARTS = 4 };
-    struct bench *bench = *test_state;
     double cosine[PARTS] = {0.0}, sine[PARTS] = {0.0}, square = 0.0, at_zero = 0.0;
 
     bench->joint[0].eccentricity_rad[0] = 0.006;
@@ -282,9 +271,8 @@ TEST_WITH(eccentric_encoder_errs_once_and_twice_a_turn, set_up, tear_down)
 }
 
 /* A part of each of the moments across the axis, with a sign for each that stays. */
-TEST_WITH(torque_shows_a_part_of_what_bends_its_sensor, set_up, tear_down)
+TEST_ON(torque_shows_a_part_of_what_bends_its_sensor, set_up, bench)
 {
-    struct bench *bench = *test_state;
     double part[2];
 
     bench->joint[0].crosstalk = 0.02;
@@ -307,9 +295,8 @@ TEST_WITH(torque_shows_a_part_of_what_bends_its_sensor, set_up, tear_down)
     assert_false(sensing_sees_bending(&bench->config));
 }
 
-TEST_WITH(refuses_what_no_channel_can_do, set_up, tear_down)
+TEST_ON(refuses_what_no_channel_can_do, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const struct sensor_error wrong[] = {{.bandwidth_hz = 500.0},
                                          {.bandwidth_hz = -1.0},
                                          {.hysteresis = 0.01},

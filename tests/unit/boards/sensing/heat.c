@@ -137,9 +137,7 @@ TEST(a_2foc_with_a_thermometer_trips_with_over_heating)
         bench_start(&bench);
         bench_send(&bench, 0, 0x001, "5B 01 06");
         bench_send(&bench, 0, 0x001, thermometer ? "77 05 00 10 00 00 0E" : "77 01 00 10 00 00 0E");
-        bench_send(&bench, 0, 0x001, "48 00 A0 0F 40 1F 20 4E");
-        bench_send(&bench, 0, 0x001, "65 92 00 E3 00 00 00 0F");
-        bench_send(&bench, 0, 0x001, "09 50");
+        bench_send(&bench, 0, 0x001, "48 00 A0 0F 40 1F 20 4E; 65 92 00 E3 00 00 00 0F; 09 50");
         bench_send(&bench, 0, 0x10f, "00 00");
         bench.sense[0].winding_c = LIMIT_C;
         bench_ticks(&bench, 2);

@@ -31,20 +31,16 @@ static void arm(struct bench *bench, const char *const *line)
 
 /* ---- errors ---- */
 
-TEST_WITH(ideal_sensors_hand_on_the_truth_itself, set_up, tear_down)
+TEST_ON(ideal_sensors_hand_on_the_truth_itself, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     arm(bench, NULL);
     start(bench);
     tick(bench);
     assert_ptr_equal(bench->measured, &bench->truth);
 }
 
-TEST_WITH(ideal_channels_beside_a_real_one_are_true_to_the_last_bit, set_up, tear_down)
+TEST_ON(ideal_channels_beside_a_real_one_are_true_to_the_last_bit, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->joint[0].torque.noise_rms = 0.05;
     start(bench);
     for (int i = 0; i < 10; i++) {
@@ -68,10 +64,9 @@ TEST_WITH(ideal_channels_beside_a_real_one_are_true_to_the_last_bit, set_up, tea
 }
 
 /* Bounds of five standard deviations of each statistic of SAMPLES independent normal numbers. */
-TEST_WITH(noise_is_white_and_gaussian_of_the_size_asked_for, set_up, tear_down)
+TEST_ON(noise_is_white_and_gaussian_of_the_size_asked_for, set_up, bench)
 {
     static double x[SAMPLES];
-    struct bench *bench = *test_state;
     const double sigma = 0.05, n = SAMPLES;
     double sum = 0.0, square = 0.0, fourth = 0.0, lag = 0.0;
     int beyond = 0;
@@ -95,9 +90,8 @@ TEST_WITH(noise_is_white_and_gaussian_of_the_size_asked_for, set_up, tear_down)
     assert_close(beyond / n, 0.05, 5.0 * sqrt(0.05 * 0.95 / n));
 }
 
-TEST_WITH(noise_depends_on_the_seed_and_on_no_other_channel, set_up, tear_down)
+TEST_ON(noise_depends_on_the_seed_and_on_no_other_channel, set_up, bench)
 {
-    struct bench *bench = *test_state;
     double first[50], second[50], seeded[50];
 
     for (int round = 0; round < 3; round++) {
@@ -121,9 +115,8 @@ TEST_WITH(noise_depends_on_the_seed_and_on_no_other_channel, set_up, tear_down)
     assert_memory_not_equal(first, seeded, sizeof first);
 }
 
-TEST_WITH(channels_are_independent_of_each_other, set_up, tear_down)
+TEST_ON(channels_are_independent_of_each_other, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double n = SAMPLES;
     double product = 0.0;
 
@@ -137,10 +130,8 @@ TEST_WITH(channels_are_independent_of_each_other, set_up, tear_down)
 }
 
 /* The peak of the correlation between truth and reading is at the latency. */
-TEST_WITH(latency_is_a_delay_line_also_between_ticks, set_up, tear_down)
+TEST_ON(latency_is_a_delay_line_also_between_ticks, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->joint[0].link_encoder.latency_ns = 3 * TICK_NS;
     bench->joint[0].motor_encoder.latency_ns = 5 * TICK_NS / 2;
     bench->joint[0].current.latency_ns = 1;
@@ -157,10 +148,8 @@ TEST_WITH(latency_is_a_delay_line_also_between_ticks, set_up, tear_down)
     }
 }
 
-TEST_WITH(converter_saturates_and_rounds_to_its_steps, set_up, tear_down)
+TEST_ON(converter_saturates_and_rounds_to_its_steps, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->joint[0].current = (struct sensor_error){.full_scale = 20.0, .lsb = 0.01};
     start(bench);
     bench->motor[0].current_a = 1.2345;
@@ -174,10 +163,8 @@ TEST_WITH(converter_saturates_and_rounds_to_its_steps, set_up, tear_down)
     assert_true(bench->measured->motor[0].current_a == -20.0);
 }
 
-TEST_WITH(gain_and_offset_come_before_the_converter, set_up, tear_down)
+TEST_ON(gain_and_offset_come_before_the_converter, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->ft[0].force = (struct sensor_error){.gain_error = 0.02, .offset = -3.0, .lsb = 1.0};
     start(bench);
     bench->sense.force_n[1] = 100.0;
@@ -190,9 +177,8 @@ TEST_WITH(gain_and_offset_come_before_the_converter, set_up, tear_down)
 }
 
 /* A random walk of k per root second has the variance k^2 t; the ramp is exact. */
-TEST_WITH(drift_grows_as_a_random_walk_and_a_ramp, set_up, tear_down)
+TEST_ON(drift_grows_as_a_random_walk_and_a_ramp, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double k = 0.5, seconds = 0.2;
     double square = 0.0;
     int walks = 0;
@@ -222,9 +208,8 @@ TEST_WITH(drift_grows_as_a_random_walk_and_a_ramp, set_up, tear_down)
 
 /* Turning about one axis at a constant rate through the angle where w changes its sign in the
  * plant's convention: 20.5 ms late is the attitude of 20.5 ms ago, on the arc between two ticks. */
-TEST_WITH(late_orientation_turns_through_the_sign_change, set_up, tear_down)
+TEST_ON(late_orientation_turns_through_the_sign_change, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double rate = 30.0, late_s = 0.0205;
 
     bench->config.imu.orientation.latency_ns = 20500000;
@@ -250,9 +235,8 @@ TEST_WITH(late_orientation_turns_through_the_sign_change, set_up, tear_down)
 
 /* An error of s / 2 in each component is one of s rad about each axis: the angle between truth and
  * reading is s times the root of a chi-square with three degrees of freedom. */
-TEST_WITH(orientation_noise_is_half_its_angle, set_up, tear_down)
+TEST_ON(orientation_noise_is_half_its_angle, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const double s = 0.01;
     double square = 0.0;
 
@@ -274,10 +258,8 @@ TEST_WITH(orientation_noise_is_half_its_angle, set_up, tear_down)
     assert_close(square / SAMPLES, 3.0, 5.0 * sqrt(6.0 / SAMPLES) + 1e-3);
 }
 
-TEST_WITH(orientation_that_is_off_is_not_known, set_up, tear_down)
+TEST_ON(orientation_that_is_off_is_not_known, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     arm(bench, (const char *const[]){"sensor imu off", NULL});
     bench->truth.imu = (struct imu_sense){{1, 1, 1}, {1, 1, 1}, {1, 1, 1}, {1, 0, 0, 0}};
     start(bench);
@@ -285,10 +267,8 @@ TEST_WITH(orientation_that_is_off_is_not_known, set_up, tear_down)
     assert_memory_equal(&bench->measured->imu, &(struct imu_sense){0}, sizeof(struct imu_sense));
 }
 
-TEST_WITH(encoder_that_counts_from_its_start_shows_no_angle_at_first, set_up, tear_down)
+TEST_ON(encoder_that_counts_from_its_start_shows_no_angle_at_first, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->joint[0].incremental = true;
     bench->motor[0].qm = 0.7;
     bench->motor[1].qm = 0.7;
@@ -301,10 +281,8 @@ TEST_WITH(encoder_that_counts_from_its_start_shows_no_angle_at_first, set_up, te
     assert_close(bench->measured->motor[0].qm, 0.2, 1e-15);
 }
 
-TEST_WITH(rate_of_a_real_encoder_is_that_of_its_readings, set_up, tear_down)
+TEST_ON(rate_of_a_real_encoder_is_that_of_its_readings, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->joint[0].link_encoder.lsb = 0.01;
     start(bench);
     tick(bench);
@@ -315,10 +293,8 @@ TEST_WITH(rate_of_a_real_encoder_is_that_of_its_readings, set_up, tear_down)
 }
 
 /* A drive that warms up in the plant has one temperature: the sensor reads that. */
-TEST_WITH(winding_of_the_plant_is_read_as_it_is, set_up, tear_down)
+TEST_ON(winding_of_the_plant_is_read_as_it_is, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->joint[0].temperature.offset = 2.0;
     bench->motor[0].winding_c = 55.0;
     bench->motor[0].current_a = 6.0;
@@ -328,9 +304,8 @@ TEST_WITH(winding_of_the_plant_is_read_as_it_is, set_up, tear_down)
 }
 
 /* T - ambient = R I^2 Rth (1 - exp(-t/tau)) */
-TEST_WITH(winding_heats_with_the_square_of_the_current, set_up, tear_down)
+TEST_ON(winding_heats_with_the_square_of_the_current, set_up, bench)
 {
-    struct bench *bench = *test_state;
     const struct sensor_thermal thermal = {
         .ambient_c = 25.0, .resistance_ohm = 0.664, .k_per_w = 1.5, .time_constant_s = 20.0};
 
@@ -348,10 +323,8 @@ TEST_WITH(winding_heats_with_the_square_of_the_current, set_up, tear_down)
     assert_true(bench->measured->motor[1].winding_c == 0.0);
 }
 
-TEST_WITH(crosstalk_shows_the_same_part_of_full_scale_on_every_other_channel, set_up, tear_down)
+TEST_ON(crosstalk_shows_the_same_part_of_full_scale_on_every_other_channel, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->ft[0].crosstalk = 0.01;
     bench->ft[0].force.full_scale = 2000.0;
     bench->ft[0].torque.full_scale = 40.0;
@@ -365,10 +338,8 @@ TEST_WITH(crosstalk_shows_the_same_part_of_full_scale_on_every_other_channel, se
     assert_close(fabs(bench->measured->ft[0].force_n[0]), 10.0, 1e-12);
 }
 
-TEST_WITH(refuses_impossible_errors, set_up, tear_down)
+TEST_ON(refuses_impossible_errors, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     bench->joint[1].torque.noise_rms = -1.0;
     assert_int_equal(sensing_create(&bench->config, &bench->arena, &bench->sensing, &error),
                      ERROR_INPUT);
@@ -403,74 +374,52 @@ static void record(struct bench *bench, const char *line, double *torque, int co
     }
 }
 
-TEST_WITH(sensor_that_is_off_reads_zero, set_up, tear_down)
+/* The truth of the samples 10 to 19 is 11 to 20. */
+TEST(a_fault_shows_its_own_values)
 {
-    double torque[30];
+    static const struct {
+        const char *line;
+        double shown[10];
+    } cases[] = {
+        {"sensor knee.torque off 0.01..0.02", {0}},
+        {"sensor knee.torque stuck 0.01..0.02", {10, 10, 10, 10, 10, 10, 10, 10, 10, 10}},
+        {"sensor knee.torque wrong gain=-2 offset=0.5 0.01..0.02",
+         {-21.5, -23.5, -25.5, -27.5, -29.5, -31.5, -33.5, -35.5, -37.5, -39.5}},
+        {"sensor knee.torque slow 0.004 0.01..0.02", {11, 11, 11, 11, 15, 15, 15, 15, 19, 19}},
+        {"sensor knee.torque delayed 0.003 0.01..0.02", {8, 9, 10, 11, 12, 13, 14, 15, 16, 17}},
+    };
 
-    record(*test_state, "sensor knee.torque off 0.01..0.02", torque, 30);
-    for (int i = 10; i < 20; i++) {
-        assert_true(torque[i] == 0.0);
+    for (size_t n = 0; n < sizeof cases / sizeof *cases; n++) {
+        static struct bench bench;
+        double torque[30];
+
+        memset(&bench, 0, sizeof bench);
+        set_up(&bench);
+        record(&bench, cases[n].line, torque, 30);
+        for (int i = 0; i < 10; i++) {
+            assert_close(torque[10 + i], cases[n].shown[i], 1e-12);
+        }
+        tear_down(&bench);
     }
 }
 
-TEST_WITH(stuck_sensor_keeps_what_it_said_last, set_up, tear_down)
-{
-    double torque[30];
-
-    record(*test_state, "sensor knee.torque stuck 0.01..0.02", torque, 30);
-    for (int i = 10; i < 20; i++) {
-        assert_true(torque[i] == 10.0);
-    }
-}
-
-TEST_WITH(garbage_stays_within_its_amplitude_and_repeats_with_the_seed, set_up, tear_down)
+TEST_ON(garbage_stays_within_its_amplitude_and_repeats_with_the_seed, set_up, bench)
 {
     double torque[30], again[30];
 
-    record(*test_state, "sensor knee.torque garbage 3 0.01..0.02", torque, 30);
+    record(bench, "sensor knee.torque garbage 3 0.01..0.02", torque, 30);
     for (int i = 10; i < 20; i++) {
         assert_true(fabs(torque[i]) <= 3.0 && torque[i] != 1.0 + i);
         assert_true(torque[i] != torque[i - 1]);
     }
-    ((struct bench *)*test_state)->truth.time_ns = 0;
-    record(*test_state, "sensor knee.torque garbage 3 0.01..0.02", again, 30);
+    bench->truth.time_ns = 0;
+    record(bench, "sensor knee.torque garbage 3 0.01..0.02", again, 30);
     assert_memory_equal(torque, again, sizeof torque);
 }
 
-TEST_WITH(wrong_sensor_has_gain_and_offset, set_up, tear_down)
-{
-    double torque[30];
-
-    record(*test_state, "sensor knee.torque wrong gain=-2 offset=0.5 0.01..0.02", torque, 30);
-    for (int i = 10; i < 20; i++) {
-        assert_true(torque[i] == -2.0 * (1.0 + i) + 0.5);
-    }
-}
-
-TEST_WITH(slow_sensor_has_a_new_value_only_every_period, set_up, tear_down)
-{
-    double torque[30];
-
-    record(*test_state, "sensor knee.torque slow 0.004 0.01..0.02", torque, 30);
-    for (int i = 10; i < 20; i++) {
-        assert_true(torque[i] == 11.0 + 4 * ((i - 10) / 4));
-    }
-}
-
-TEST_WITH(delayed_sensor_shows_the_past, set_up, tear_down)
-{
-    double torque[30];
-
-    record(*test_state, "sensor knee.torque delayed 0.003 0.01..0.02", torque, 30);
-    for (int i = 10; i < 20; i++) {
-        assert_close(torque[i], 1.0 + i - 3.0, 1e-12);
-    }
-}
-
 /* Gaps of a mean length of 20 ms that fill half of the time: about 25 gaps a second. */
-TEST_WITH(intermittent_sensor_is_gone_for_its_share_of_the_time, set_up, tear_down)
+TEST_ON(intermittent_sensor_is_gone_for_its_share_of_the_time, set_up, bench)
 {
-    struct bench *bench = *test_state;
     int zero = 0, gaps = 0;
     bool was = false;
 
@@ -491,10 +440,8 @@ TEST_WITH(intermittent_sensor_is_gone_for_its_share_of_the_time, set_up, tear_do
     assert_close(gaps, 2500.0, 250.0);
 }
 
-TEST_WITH(fault_of_a_whole_sensor_takes_all_its_channels, set_up, tear_down)
+TEST_ON(fault_of_a_whole_sensor_takes_all_its_channels, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     arm(bench, (const char *const[]){"sensor foot off", "sensor imu.accel_z wrong offset=1", NULL});
     for (int i = 0; i < 3; i++) {
         bench->sense.force_n[i] = bench->sense.torque_nm[i] = 5.0;
@@ -511,10 +458,8 @@ TEST_WITH(fault_of_a_whole_sensor_takes_all_its_channels, set_up, tear_down)
     }
 }
 
-TEST_WITH(faults_on_one_channel_act_in_their_order, set_up, tear_down)
+TEST_ON(faults_on_one_channel_act_in_their_order, set_up, bench)
 {
-    struct bench *bench = *test_state;
-
     arm(bench, (const char *const[]){"sensor knee.torque wrong offset=1",
                                      "sensor knee.torque wrong gain=2", NULL});
     start(bench);

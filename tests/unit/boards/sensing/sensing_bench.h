@@ -28,33 +28,30 @@ static inline void assert_close(double value, double expected, double tolerance)
     }
 }
 
-static inline int set_up(void **state)
+static inline void set_up(struct bench *bench)
 {
-    static struct bench bench;
     struct error error;
 
-    memset(&bench, 0, sizeof bench);
-    assert_ok(arena_init(&bench.arena, 8 << 20, &error));
-    bench.joint[0].name = "hip";
-    bench.joint[1].name = "knee";
-    bench.ft[0].name = "foot";
-    bench.config = (struct sensing_config){.njoint = JOINTS,
-                                           .nft = FTS,
-                                           .joint = bench.joint,
-                                           .ft = bench.ft,
-                                           .tick_ns = TICK_NS,
-                                           .seed = 1};
-    bench.truth = (struct plant_sensors){
-        .supply_v = 48.0, .njoint = JOINTS, .nft = FTS, .motor = bench.motor, .ft = &bench.sense};
-    *state = &bench;
-    return 0;
+    assert_ok(arena_init(&bench->arena, 8 << 20, &error));
+    bench->joint[0].name = "hip";
+    bench->joint[1].name = "knee";
+    bench->ft[0].name = "foot";
+    bench->config = (struct sensing_config){.njoint = JOINTS,
+                                            .nft = FTS,
+                                            .joint = bench->joint,
+                                            .ft = bench->ft,
+                                            .tick_ns = TICK_NS,
+                                            .seed = 1};
+    bench->truth = (struct plant_sensors){
+        .supply_v = 48.0, .njoint = JOINTS, .nft = FTS, .motor = bench->motor, .ft = &bench->sense};
 }
 
-static inline int tear_down(void **state)
+static inline void tear_down(struct bench *bench)
 {
-    arena_fini(&((struct bench *)*state)->arena);
-    return 0;
+    arena_fini(&bench->arena);
 }
+
+BENCH(set_up, struct bench, tear_down)
 
 static inline void start(struct bench *bench)
 {

@@ -8,8 +8,6 @@
 #include "tests/unit/canbus/wire/wire_reference.h"
 #include "tests/test.h"
 
-#include <stdlib.h>
-
 static struct wire_tables tables;
 
 FIXTURE(set_up)

@@ -7,8 +7,6 @@
  */
 #include "tests/unit/canbus/wire/wire_bench.h"
 
-#include <stdio.h>
-
 static struct wire_bench bench;
 
 struct conformance_case {

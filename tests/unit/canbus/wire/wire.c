@@ -4,9 +4,6 @@
 
 #include "base/array.h"
 
-#include <math.h>
-#include <stdlib.h>
-
 static struct wire_bench bench;
 
 FIXTURE(tear_down)

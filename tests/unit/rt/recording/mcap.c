@@ -4,10 +4,6 @@
 #include "rt/recording/mcap.h"
 #include "tests/test.h"
 
-#include <stdbool.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <zstd.h>
 
 enum { LONGEST = 4096, CHANNELS = 2 };
@@ -207,93 +203,80 @@ static struct found read_file(const struct file *file)
 
 /* ---- tests ---- */
 
-TEST(messages_are_where_the_indexes_say)
+BENCH(file_open, struct file, file_close)
+
+TEST_ON(messages_are_where_the_indexes_say, file_open, file)
 {
-    struct file file;
     struct found found;
 
-    file_open(&file);
     for (uint32_t i = 0; i < 10; i++) {
-        file_write(&file, 1 + i % CHANNELS, i, 16 + i);
+        file_write(file, 1 + i % CHANNELS, i, 16 + i);
     }
-    mcap_finish(file.mcap);
-    found = read_file(&file);
+    mcap_finish(file->mcap);
+    found = read_file(file);
     assert_true(found.ended);
     assert_int_equal(found.chunks, 1);
     assert_int_equal(found.messages, 10);
     assert_int_equal(found.indexed, 10);
     assert_int_equal(found.chunk_indexes, 1);
     assert_int_equal(found.counted, 10);
-    file_close(&file);
 }
 
 /* A chunk ends when it has MCAP_CHUNK bytes, when it is flushed, and with the file; one that is
  * empty is none. */
-TEST(chunks_end_when_they_are_full)
+TEST_ON(chunks_end_when_they_are_full, file_open, file)
 {
     const uint32_t record = 31 + LONGEST, count = 3 * ((MCAP_CHUNK + record - 1) / record);
-    struct file file;
     struct found found;
 
-    file_open(&file);
     for (uint32_t i = 0; i < count; i++) {
-        file_write(&file, 1, i, LONGEST);
+        file_write(file, 1, i, LONGEST);
     }
-    mcap_flush(file.mcap);
-    mcap_flush(file.mcap);
-    file_write(&file, 2, count, 16);
-    mcap_finish(file.mcap);
-    found = read_file(&file);
+    mcap_flush(file->mcap);
+    mcap_flush(file->mcap);
+    file_write(file, 2, count, 16);
+    mcap_finish(file->mcap);
+    found = read_file(file);
     assert_int_equal(found.messages, count + 1);
     assert_int_equal(found.chunks, 4);
     assert_int_equal(found.chunk_indexes, 4);
-    file_close(&file);
 }
 
 /* Many small messages fill a chunk's index before its bytes. */
-TEST(chunks_end_when_their_index_is_full)
+TEST_ON(chunks_end_when_their_index_is_full, file_open, file)
 {
     const uint32_t count = 33000;
-    struct file file;
     struct found found;
 
-    file_open(&file);
     for (uint32_t i = 0; i < count; i++) {
-        file_write(&file, 1, i, 16);
+        file_write(file, 1, i, 16);
     }
-    mcap_finish(file.mcap);
-    found = read_file(&file);
+    mcap_finish(file->mcap);
+    found = read_file(file);
     assert_int_equal(found.messages, count);
     assert_int_equal(found.indexed, count);
     assert_true(found.chunks >= 2);
-    file_close(&file);
 }
 
-TEST(a_file_without_its_end_has_its_whole_chunks)
+TEST_ON(a_file_without_its_end_has_its_whole_chunks, file_open, file)
 {
-    struct file file;
     struct found found;
 
-    file_open(&file);
-    file_write(&file, 1, 0, 16);
-    mcap_flush(file.mcap);
-    file_write(&file, 1, 1, 16);
-    found = read_file(&file);
+    file_write(file, 1, 0, 16);
+    mcap_flush(file->mcap);
+    file_write(file, 1, 1, 16);
+    found = read_file(file);
     assert_false(found.ended);
     assert_int_equal(found.messages, 1);
-    mcap_finish(file.mcap);
-    file_close(&file);
+    mcap_finish(file->mcap);
 }
 
-TEST(an_empty_file_is_whole)
+TEST_ON(an_empty_file_is_whole, file_open, file)
 {
-    struct file file;
     struct found found;
 
-    file_open(&file);
-    mcap_finish(file.mcap);
-    found = read_file(&file);
+    mcap_finish(file->mcap);
+    found = read_file(file);
     assert_true(found.ended);
     assert_int_equal(found.chunks, 0);
-    file_close(&file);
 }

@@ -9,12 +9,12 @@
 #include <dirent.h>
 #include <fcntl.h>
 #include <pthread.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
+
+static struct error error;
+static struct recorder_counters counters;
 
 struct fixture {
     char directory[64];
@@ -25,11 +25,8 @@ struct fixture {
 static const char *const buses[] = {"can0", "can1"};
 static const char *const signals[] = {"q_rad", "torque_nm"};
 
-FIXTURE(set_up)
+static void set_up(struct fixture *f)
 {
-    struct fixture *f = test_calloc(1, sizeof *f);
-    struct error error;
-
     strcpy(f->directory, "/tmp/recorder-test-XXXXXX");
     assert_non_null(mkdtemp(f->directory));
     assert_ok(arena_init(&f->arena, (size_t)64 << 20, &error));
@@ -41,13 +38,10 @@ FIXTURE(set_up)
         .nsignal = 2,
         .signal = signals,
     };
-    *test_state = f;
-    return 0;
 }
 
-FIXTURE(tear_down)
+static void tear_down(struct fixture *f)
 {
-    struct fixture *f = *test_state;
     DIR *stream = opendir(f->directory);
     const struct dirent *entry;
 
@@ -60,9 +54,9 @@ FIXTURE(tear_down)
     closedir(stream);
     rmdir(f->directory);
     arena_fini(&f->arena);
-    test_free(f);
-    return 0;
 }
+
+BENCH(set_up, struct fixture, tear_down)
 
 static const char *path_in(const struct fixture *f, const char *name)
 {
@@ -75,7 +69,6 @@ static const char *path_in(const struct fixture *f, const char *name)
 static struct recorder *open_recorder(struct fixture *f)
 {
     struct recorder *recorder;
-    struct error error;
 
     assert_ok(recorder_open(&f->config, &f->arena, &recorder, &error));
     return recorder;
@@ -110,14 +103,11 @@ static uint64_t lines_in(const struct fixture *f, const char *name)
     return count;
 }
 
-TEST_WITH(every_frame_is_in_the_log_in_order, set_up, tear_down)
+TEST_ON(every_frame_is_in_the_log_in_order, set_up, f)
 {
-    struct fixture *f = *test_state;
-    struct recorder_counters counters;
     struct candump_reader reader;
     struct recorder *recorder;
     struct bus_frame frame;
-    struct error error;
     char bus[16];
     bool end = false;
 
@@ -143,12 +133,9 @@ TEST_WITH(every_frame_is_in_the_log_in_order, set_up, tear_down)
     candump_close(&reader);
 }
 
-TEST_WITH(rows_have_titles_and_a_time_in_seconds, set_up, tear_down)
+TEST_ON(rows_have_titles_and_a_time_in_seconds, set_up, f)
 {
-    struct fixture *f = *test_state;
     struct recorder *recorder = open_recorder(f);
-    struct recorder_counters counters;
-    struct error error;
     char line[200];
     FILE *csv;
 
@@ -167,12 +154,9 @@ TEST_WITH(rows_have_titles_and_a_time_in_seconds, set_up, tear_down)
     fclose(csv);
 }
 
-TEST_WITH(a_full_ring_drops_and_counts_when_the_loop_may_not_wait, set_up, tear_down)
+TEST_ON(a_full_ring_drops_and_counts_when_the_loop_may_not_wait, set_up, f)
 {
-    struct fixture *f = *test_state;
-    struct recorder_counters counters;
     struct recorder *recorder;
-    struct error error;
 
     f->config.lossless = false;
     f->config.frame_ring = 16;
@@ -186,12 +170,9 @@ TEST_WITH(a_full_ring_drops_and_counts_when_the_loop_may_not_wait, set_up, tear_
     assert_true(counters.frames_dropped > 0);
 }
 
-TEST_WITH(a_full_disk_is_reported_once_and_the_loop_goes_on, set_up, tear_down)
+TEST_ON(a_full_disk_is_reported_once_and_the_loop_goes_on, set_up, f)
 {
-    struct fixture *f = *test_state;
-    struct recorder_counters counters;
     struct recorder *recorder;
-    struct error error;
 
     assert_int_equal(symlink("/dev/full", path_in(f, "candump.log")), 0);
     f->config.overwrite = true;
@@ -232,12 +213,9 @@ static bool comes_to_say(struct recorder *recorder, const char *part)
     return false;
 }
 
-TEST_WITH(the_failure_is_told_once, set_up, tear_down)
+TEST_ON(the_failure_is_told_once, set_up, f)
 {
-    struct fixture *f = *test_state;
-    struct recorder_counters counters;
     struct recorder *recorder;
-    struct error error = {0};
     char text[800];
     unsigned kind;
 
@@ -250,13 +228,10 @@ TEST_WITH(the_failure_is_told_once, set_up, tear_down)
     assert_int_equal(recorder_close(recorder, &counters, &error), ERROR_SYSTEM);
 }
 
-TEST_WITH(a_file_that_may_not_grow_ends_with_a_whole_line, set_up, tear_down)
+TEST_ON(a_file_that_may_not_grow_ends_with_a_whole_line, set_up, f)
 {
-    struct fixture *f = *test_state;
-    struct recorder_counters counters;
     struct rlimit before, tight = {.rlim_cur = 123457};
     struct recorder *recorder;
-    struct error error;
     struct stat info;
 
     getrlimit(RLIMIT_FSIZE, &before);
@@ -278,12 +253,9 @@ TEST_WITH(a_file_that_may_not_grow_ends_with_a_whole_line, set_up, tear_down)
     assert_int_equal(counters.rows_unwritten, 0);
 }
 
-TEST_WITH(what_is_recorded_is_on_the_disk_soon, set_up, tear_down)
+TEST_ON(what_is_recorded_is_on_the_disk_soon, set_up, f)
 {
-    struct fixture *f = *test_state;
     struct recorder *recorder = open_recorder(f);
-    struct recorder_counters counters;
-    struct error error;
 
     record_frames(recorder, 3);
     recorder_row(recorder, 0, (const double[]){1.0, 2.0});
@@ -295,12 +267,9 @@ TEST_WITH(what_is_recorded_is_on_the_disk_soon, set_up, tear_down)
     assert_ok(recorder_close(recorder, &counters, &error));
 }
 
-TEST_WITH(a_removed_file_is_noticed_and_given_up, set_up, tear_down)
+TEST_ON(a_removed_file_is_noticed_and_given_up, set_up, f)
 {
-    struct fixture *f = *test_state;
     struct recorder *recorder = open_recorder(f);
-    struct recorder_counters counters;
-    struct error error;
 
     record_frames(recorder, 100);
     recorder_row(recorder, 0, (const double[]){1.0, 2.0});
@@ -315,12 +284,9 @@ TEST_WITH(a_removed_file_is_noticed_and_given_up, set_up, tear_down)
     assert_int_equal(lines_in(f, "signals.csv"), 2);
 }
 
-TEST_WITH(a_file_removed_at_the_last_moment_is_noticed_too, set_up, tear_down)
+TEST_ON(a_file_removed_at_the_last_moment_is_noticed_too, set_up, f)
 {
-    struct fixture *f = *test_state;
     struct recorder *recorder = open_recorder(f);
-    struct recorder_counters counters;
-    struct error error;
 
     recorder_row(recorder, 0, (const double[]){1.0, 2.0});
     unlink(path_in(f, "signals.csv"));
@@ -329,12 +295,9 @@ TEST_WITH(a_file_removed_at_the_last_moment_is_noticed_too, set_up, tear_down)
     assert_int_equal(counters.rows_unwritten, 1);
 }
 
-TEST_WITH(a_renamed_file_is_noticed_and_goes_on, set_up, tear_down)
+TEST_ON(a_renamed_file_is_noticed_and_goes_on, set_up, f)
 {
-    struct fixture *f = *test_state;
     struct recorder *recorder = open_recorder(f);
-    struct recorder_counters counters;
-    struct error error;
     char path[400];
 
     record_frames(recorder, 100);
@@ -376,11 +339,9 @@ static uint64_t lines_waiting(int descriptor)
     return count;
 }
 
-TEST_WITH(a_pipe_that_nobody_reads_is_refused, set_up, tear_down)
+TEST_ON(a_pipe_that_nobody_reads_is_refused, set_up, f)
 {
-    struct fixture *f = *test_state;
     struct recorder *recorder;
-    struct error error;
 
     assert_int_equal(mkfifo(path_in(f, "candump.log"), 0600), 0);
     f->config.overwrite = true;
@@ -388,12 +349,9 @@ TEST_WITH(a_pipe_that_nobody_reads_is_refused, set_up, tear_down)
     assert_non_null(strstr(error.text, "nobody reads"));
 }
 
-TEST_WITH(in_real_time_a_disk_that_hangs_costs_frames_and_no_time, set_up, tear_down)
+TEST_ON(in_real_time_a_disk_that_hangs_costs_frames_and_no_time, set_up, f)
 {
-    struct fixture *f = *test_state;
-    struct recorder_counters counters;
     struct recorder *recorder;
-    struct error error;
     int pipe;
 
     f->config.overwrite = true;
@@ -412,12 +370,9 @@ TEST_WITH(in_real_time_a_disk_that_hangs_costs_frames_and_no_time, set_up, tear_
     close(pipe);
 }
 
-TEST_WITH(in_virtual_time_a_disk_that_hangs_is_given_up, set_up, tear_down)
+TEST_ON(in_virtual_time_a_disk_that_hangs_is_given_up, set_up, f)
 {
-    struct fixture *f = *test_state;
-    struct recorder_counters counters;
     struct recorder *recorder;
-    struct error error;
     int pipe;
 
     f->config.overwrite = true;
@@ -457,13 +412,10 @@ static void *read_slowly(void *context)
     return NULL;
 }
 
-TEST_WITH(in_virtual_time_a_slow_disk_is_waited_for, set_up, tear_down)
+TEST_ON(in_virtual_time_a_slow_disk_is_waited_for, set_up, f)
 {
-    struct fixture *f = *test_state;
-    struct recorder_counters counters;
     struct slow_reader reader = {0};
     struct recorder *recorder;
-    struct error error;
     pthread_t thread;
 
     f->config.overwrite = true;
@@ -479,12 +431,9 @@ TEST_WITH(in_virtual_time_a_slow_disk_is_waited_for, set_up, tear_down)
     close(reader.pipe);
 }
 
-TEST_WITH(a_reader_that_goes_away_is_an_error_and_no_signal, set_up, tear_down)
+TEST_ON(a_reader_that_goes_away_is_an_error_and_no_signal, set_up, f)
 {
-    struct fixture *f = *test_state;
-    struct recorder_counters counters;
     struct recorder *recorder;
-    struct error error;
     int pipe;
 
     f->config.overwrite = true;
@@ -498,12 +447,9 @@ TEST_WITH(a_reader_that_goes_away_is_an_error_and_no_signal, set_up, tear_down)
     assert_true(counters.frames_unwritten > 0);
 }
 
-TEST_WITH(a_directory_that_holds_something_is_refused, set_up, tear_down)
+TEST_ON(a_directory_that_holds_something_is_refused, set_up, f)
 {
-    struct fixture *f = *test_state;
-    struct recorder_counters counters;
     struct recorder *recorder;
-    struct error error;
 
     fclose(fopen(path_in(f, "precious"), "w"));
     assert_int_equal(recorder_open(&f->config, &f->arena, &recorder, &error), ERROR_INPUT);
@@ -516,12 +462,9 @@ TEST_WITH(a_directory_that_holds_something_is_refused, set_up, tear_down)
 }
 
 /* Its logs are overwritten, so it describes nothing any more. */
-TEST_WITH(the_summary_of_an_earlier_recording_goes_with_it, set_up, tear_down)
+TEST_ON(the_summary_of_an_earlier_recording_goes_with_it, set_up, f)
 {
-    struct fixture *f = *test_state;
-    struct recorder_counters counters;
     struct recorder *recorder;
-    struct error error;
 
     fclose(fopen(path_in(f, RECORDER_SUMMARY), "w"));
     f->config.overwrite = true;
@@ -531,12 +474,10 @@ TEST_WITH(the_summary_of_an_earlier_recording_goes_with_it, set_up, tear_down)
 }
 
 /* /dev/full above: a link to a device overwrites nothing. */
-TEST_WITH(links_to_files_are_not_followed, set_up, tear_down)
+TEST_ON(links_to_files_are_not_followed, set_up, f)
 {
-    struct fixture *f = *test_state;
     char precious[400], line[16] = "";
     struct recorder *recorder;
-    struct error error;
     FILE *file;
 
     snprintf(precious, sizeof precious, "%s", path_in(f, "precious"));
@@ -558,11 +499,9 @@ TEST_WITH(links_to_files_are_not_followed, set_up, tear_down)
     assert_string_equal(line, "kept");
 }
 
-TEST_WITH(impossible_directories_are_errors, set_up, tear_down)
+TEST_ON(impossible_directories_are_errors, set_up, f)
 {
-    struct fixture *f = *test_state;
     struct recorder *recorder;
-    struct error error;
     char path[400];
 
     snprintf(path, sizeof path, "%s/no/such", f->directory);
@@ -574,12 +513,9 @@ TEST_WITH(impossible_directories_are_errors, set_up, tear_down)
     assert_non_null(strstr(error.text, "Not a directory"));
 }
 
-TEST_WITH(a_directory_is_made, set_up, tear_down)
+TEST_ON(a_directory_is_made, set_up, f)
 {
-    struct fixture *f = *test_state;
-    struct recorder_counters counters;
     struct recorder *recorder;
-    struct error error;
 
     rmdir(f->directory);
     recorder = open_recorder(f);

@@ -5,10 +5,9 @@
 #include "tests/test.h"
 
 #include <dirent.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
+
+static struct error error;
 
 enum { TEXT = 1 << 20 };
 
@@ -17,16 +16,14 @@ struct fixture {
     struct arena arena;
     struct recorder_config config;
     struct recorder *recorder;
-    struct recorder_counters counters;
     char text[TEXT]; /* of the file read last */
+    struct recorder_counters counters;
 };
 
-FIXTURE(set_up)
+static void set_up(struct fixture *f)
 {
     static const char *const buses[] = {"can0"}, *const signals[] = {"q_rad"};
     static const char *const bodies[] = {"base", "link"};
-    struct fixture *f = test_calloc(1, sizeof *f);
-    struct error error;
 
     strcpy(f->directory, "/tmp/recorder-test-XXXXXX");
     assert_non_null(mkdtemp(f->directory));
@@ -39,13 +36,10 @@ FIXTURE(set_up)
                                          .signal = signals,
                                          .nbody = 2,
                                          .body = bodies};
-    *test_state = f;
-    return 0;
 }
 
-FIXTURE(tear_down)
+static void tear_down(struct fixture *f)
 {
-    struct fixture *f = *test_state;
     DIR *stream = opendir(f->directory);
     const struct dirent *entry;
 
@@ -58,21 +52,17 @@ FIXTURE(tear_down)
     closedir(stream);
     rmdir(f->directory);
     arena_fini(&f->arena);
-    test_free(f);
-    return 0;
 }
+
+BENCH(set_up, struct fixture, tear_down)
 
 static void begin(struct fixture *f)
 {
-    struct error error;
-
     assert_ok(recorder_open(&f->config, &f->arena, &f->recorder, &error));
 }
 
 static void end(struct fixture *f)
 {
-    struct error error;
-
     assert_ok(recorder_close(f->recorder, &f->counters, &error));
 }
 
@@ -89,10 +79,8 @@ static const char *read_file(struct fixture *f, const char *name)
     return f->text;
 }
 
-TEST_WITH(events_are_lines_in_the_order_of_their_times, set_up, tear_down)
+TEST_ON(events_are_lines_in_the_order_of_their_times, set_up, f)
 {
-    struct fixture *f = *test_state;
-
     begin(f);
     recorder_event(f->recorder, 3000000000, 0, JOURNAL_WARNING, "third");
     recorder_event(f->recorder, 1000000, 0, JOURNAL_INFO, "first");
@@ -109,9 +97,8 @@ TEST_WITH(events_are_lines_in_the_order_of_their_times, set_up, tear_down)
 }
 
 /* More than are held back for order, and than the ring takes */
-TEST_WITH(a_flood_of_events_is_written_whole, set_up, tear_down)
+TEST_ON(a_flood_of_events_is_written_whole, set_up, f)
 {
-    struct fixture *f = *test_state;
     const char *at;
     char line[80];
 
@@ -131,9 +118,8 @@ TEST_WITH(a_flood_of_events_is_written_whole, set_up, tear_down)
     assert_int_equal(*at, '\0');
 }
 
-TEST_WITH(a_long_text_is_cut, set_up, tear_down)
+TEST_ON(a_long_text_is_cut, set_up, f)
 {
-    struct fixture *f = *test_state;
     char text[1000];
 
     memset(text, 'x', sizeof text);
@@ -145,10 +131,8 @@ TEST_WITH(a_long_text_is_cut, set_up, tear_down)
                      strlen("0.000000 info \n") + RECORDER_EVENT_TEXT - 1);
 }
 
-TEST_WITH(an_event_is_on_the_disk_soon, set_up, tear_down)
+TEST_ON(an_event_is_on_the_disk_soon, set_up, f)
 {
-    struct fixture *f = *test_state;
-
     begin(f);
     recorder_event(f->recorder, 0, 0, JOURNAL_INFO, "now");
     for (int i = 0; i < 2000 && !*read_file(f, "events.log"); i++) {
@@ -158,11 +142,10 @@ TEST_WITH(an_event_is_on_the_disk_soon, set_up, tear_down)
     end(f);
 }
 
-TEST_WITH(poses_have_a_file_of_their_own, set_up, tear_down)
+TEST_ON(poses_have_a_file_of_their_own, set_up, f)
 {
     static const double row[1 + 2 * RECORDER_POSE] = {0.25, 1.0, 2.0,  3.0, 1.0, 0.0, 0.0, 0.0,
                                                       -1.0, 0.5, -0.5, 0.6, 0.8, 0.0, 0.0};
-    struct fixture *f = *test_state;
 
     begin(f);
     recorder_row(f->recorder, 10000000, row);
@@ -176,11 +159,10 @@ TEST_WITH(poses_have_a_file_of_their_own, set_up, tear_down)
 
 /* By the specification of MCAP the magic bytes stand at both ends, and before those at the end a
  * footer: opcode 2, with 20 bytes of content. */
-TEST_WITH(an_mcap_file_that_is_closed_has_its_end, set_up, tear_down)
+TEST_ON(an_mcap_file_that_is_closed_has_its_end, set_up, f)
 {
     enum { MAGIC = 8, FOOTER = 1 + 8 + 20 };
     static const char magic[MAGIC + 1] = "\x89MCAP0\r\n";
-    struct fixture *f = *test_state;
     char path[400];
     FILE *file;
     size_t size;
