@@ -67,6 +67,7 @@ void *arena_alloc(struct arena *arena, size_t count, size_t size)
         return NULL;
     }
     arena->used = start + bytes;
+
     /* Map the next pages with one call, instead of one page fault for each page. A large
      * allocation is not mapped in advance, because the program may never use it. Kernels before
      * 5.14 refuse the call, which is harmless. */

@@ -296,6 +296,7 @@ enum error_code config_list_in(enum config_kind kind, const struct config_trees 
     for (int i = 0; i < CONFIG_TREES_MAX && !code; i++) {
         if (trees->folder[i][0]) {
             snprintf(folder, sizeof folder, "%s/%s", trees->folder[i], folders[kind]);
+
             /* Add all names of a folder. A missing folder counts as empty. */
             DIR *directory = opendir(folder);
             struct dirent *file;

@@ -51,6 +51,7 @@ void options_page(const struct command_spec *spec, FILE *out)
     fputs(" - ", out);
     manpage_put_text(spec->summary, strlen(spec->summary), out);
     putc('\n', out);
+
     /* Write the usage line */
     fprintf(out, "\n# SYNOPSIS\n\n*%s %s*%s", spec->program ? spec->program : "coman-hil",
             spec->name, spec->noption ? " [OPTIONS]" : "");
@@ -73,6 +74,7 @@ void options_page(const struct command_spec *spec, FILE *out)
     manpage_put_term(NULL, "--help", NULL, "print the manual and exit", out);
     if (spec->manual) {
         fputs("\n# DESCRIPTION\n", out);
+
         /* Write paragraphs. Blank lines separate them. A line that begins with two spaces is a
          * list item. */
         const char *text = spec->manual;

@@ -318,6 +318,7 @@ enum error_code yaml_tree_read(struct yaml_reader *r, const char *text, size_t s
         text += 3;
         size -= 3;
     }
+
     /* Check that the text is UTF-8 without control characters. libyaml's own error has a less
      * exact place. */
     const unsigned char *p = (const unsigned char *)text;

@@ -40,6 +40,7 @@ void generic_prepare_link(const struct robot_body *body, const struct robot_join
                     least = m;
                 }
             }
+
             /* Make two columns orthogonal to the axis, starting from the coordinate axis farthest
              * from it */
             x[least] = 1.0;

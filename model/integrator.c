@@ -124,6 +124,7 @@ bool integrator_dopri5(integrator_function *f, void *context, double t, double h
             f(context, (t + done) + dopri5_c[s] * step, stage, k + (size_t)s * n);
         }
         control->evaluations += DOPRI5_STAGES - 1;
+
         /* Compute the root mean square of the step's error over the state, relative to the
          * tolerances */
         double sum = 0.0;

@@ -77,6 +77,7 @@ static enum error_code scene_build_body(struct rig_builder *b, const struct raw_
         return ERROR_NONE;
     }
     scene_add_place(b, raw->body.name, (int)(b->robot->nbody + b->rig->nfree));
+
     /* Build a free body with its pose and its inertia. The inertia is given, or computed for a
      * box of uniform density. */
     struct plant_free_body *body = &free_body[b->rig->nfree++];

@@ -415,6 +415,7 @@ static enum error_code rig_make(const struct raw_rig *raw, struct arena *arena,
     if (code) {
         return code;
     }
+
     /* Hash the rig's sources: the rig's files, the robot's files and the meshes */
     uint64_t hash = hash_bytes(b.rig->hash, &b.robot->source_hash, sizeof b.robot->source_hash);
 

@@ -89,6 +89,7 @@ static enum error_code rig_hang_mass(struct rig_builder *b, struct robot *robot,
         }
         vec3_sub(robot->body[body].inertia.com, frame->position, arm);
         mat3_apply_transposed(frame->rotation, arm, p);
+
         /* Add a point mass at `p`, in the frame of the inertia. The moments of inertia are
          * about the center of mass. */
         struct robot_inertia *inertia = &ft->distal;
@@ -245,6 +246,7 @@ static enum error_code rig_build_joints(struct rig_builder *b, const struct robo
         joint[index] = entry->value;
     }
     b->rig->joint = joint;
+
     /* Set each follower joint to the angle that its leader's angle requires */
     const struct robot *robot = b->robot;
 

@@ -40,6 +40,7 @@ static enum error_code surface_find_place(struct rig_builder *b, const struct ra
             return code;
         }
         *place = b->place[index];
+
         /* Check that the robot file has a frame or a capsule on a body. Without one, the plant
          * does not compute the body's pose. */
         if (place->body >= 0 && (size_t)place->body < b->robot->nbody &&

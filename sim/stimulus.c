@@ -266,6 +266,7 @@ enum error_code stimulus_load(const char *path, const struct rig *rig, const cha
                          "log to play cannot be told from",
                          EXTENDED_IDS);
     }
+
     /* Count the frames, allocate room, and read the frames */
     enum error_code code = stimulus_pass(reader, stimulus, error);
 

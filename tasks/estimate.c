@@ -352,6 +352,7 @@ void estimator_update(struct estimator *estimator, bool walks, double speed_m_s,
     estimate_place(estimator);
     estimate_odometry(estimator);
     estimate_center_of_mass(estimator, l, dt_s);
+
     /* Computes the zero-moment point of both feet: the mean of the centers of pressure, weighted
      * by the loads. Keeps the last point while no foot carries load. */
     double sum = 0, at[2] = {0};

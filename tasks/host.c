@@ -112,6 +112,7 @@ bool host_healthy(struct host *host)
             host->lost = joint->motor != HOST_MOTOR_FAULT;
         }
     }
+
     /* Check the age of all watched values */
     const struct host_imu *imu = &host->config.imu;
     const struct host_motion *motion = &host->motion;

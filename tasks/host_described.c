@@ -575,6 +575,7 @@ static void host_described_read(struct host *host, size_t bus, const struct bus_
     if (!host_described_identify(host, bus, &news)) {
         return;
     }
+
     /* Record an answer for the start-up */
     struct host_node *node = news.node;
     unsigned kind = described_node_kind(node);

@@ -110,6 +110,7 @@ static enum error_code trajectory_read_rows(struct reader *reader, struct error 
         for (size_t column = 1; column < csv->ncolumn; column++) {
             row[column] = csv->cell[column] * reader->unit[column];
         }
+
         /* Check that times increase and angles are within their limits */
         if (reader->count > 0 && !(row[0] > row[-(ptrdiff_t)csv->ncolumn])) {
             return error_set(

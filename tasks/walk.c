@@ -203,6 +203,7 @@ static enum task_status walk_step(struct task *task, double t_s)
     walk->last_s = t_s;
     if (task->ops == &task_walk) {
         walk_begin_or_halt(task, t_s);
+
         /* Update the command of this period: two steps in place, then an acceleration. The
          * speed is limited so that no step exceeds the reach of the legs. */
         const struct gait_config *reach = &task->config.walk->balance.gait;

@@ -205,6 +205,7 @@ static void client_watch(struct viewer *viewer, struct viewer_client *client,
     for (size_t i = 0; i < watch.nsignal; i++) {
         json_array_append_new(chosen, control_text(name[watch.signal[i]]));
     }
+
     /* Set the first row to send to a client. It is the next new row, or, if the client already
      * watched these signals, the first row that it has not received. */
     if (viewer->history && watch.rows) {

@@ -105,6 +105,7 @@ enum error_code viewer_message_parse(const char *text, size_t size, struct viewe
 
         /* Parse a request for the control socket with the socket's parser */
         code = control_parse(text, size, 1, &request, error);
+
         /* Clients without the right to control can send commands that only read */
         message->harmless =
             !code && (request.command == CONTROL_HELLO || request.command == CONTROL_STATUS ||

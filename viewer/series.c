@@ -216,6 +216,7 @@ bool client_send_series(struct viewer *viewer, struct viewer_client *client,
     } else {
         series_find_kept(viewer->history, message, &series);
     }
+
     /* Choose the group size so that the points fit in one message, and other messages have
      * space */
     size_t most = (size_t)message->points;

@@ -152,6 +152,7 @@ static void *viewer_thread_main(void *context)
         uint64_t orders;
 
         viewer->now_ns = clock_now(clock);
+
         /* Fill the descriptors to poll: orders, listener, then each client and its control
          * socket */
         fd[0] = (struct pollfd){.fd = viewer->event, .events = POLLIN};
@@ -159,6 +160,7 @@ static void *viewer_thread_main(void *context)
         for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
             const struct viewer_client *client = &viewer->client[i];
             bool writes = client->socket >= 0 && client_waiting(client) > 0;
+
             /* Read from a client only while its outbox has space for answers */
             bool reads = client->socket >= 0 && client_waiting(client) < VIEWER_OUTBOX / 2;
 
@@ -319,6 +321,7 @@ static enum error_code viewer_open(struct viewer *viewer, struct error *error)
         return error_set(error, ERROR_MEMORY, "page: no memory for the description of the rig");
     }
     viewer->hello_size = strlen(viewer->hello);
+
     /* Open the listening socket, and store the bound address */
     const char *host = viewer->config.host ? viewer->config.host : "127.0.0.1";
     struct http_bound *bound = &viewer->bound;

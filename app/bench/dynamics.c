@@ -217,6 +217,7 @@ enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *fil
             }
             bench_progress("dynamics", round + 1, bench->rounds);
         }
+
         /* Compute median and spread of each cell, us, and the least-squares slope over the
          * sizes, us per degree of freedom */
         for (size_t e = 0; e < bench->nengine; e++) {

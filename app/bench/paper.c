@@ -65,6 +65,7 @@ static enum error_code paper_measure_all(struct paper *paper, struct error *erro
         return code;
     }
     put_choices(&paper->report);
+
     /* Add the list of results that are not reproduced, with reasons */
     struct report *report = &paper->report;
 

@@ -31,6 +31,7 @@ static void put_table_1(struct paper *paper, const struct pendulum_table *table)
         "whole plant with Runge-Kutta 4, and in seven coordinates and six constraints a body "
         "with ODE's own integrator (constraint force mixing 1e-10, error reduction 0.2). The "
         "paper leaves out the second body's mass: 2, for no other lets both bodies turn as one.");
+
     /* Add Table 1: our engine with relative coordinates, ODE with absolute coordinates */
     const struct peer_pendulum *absolute = table->absolute;
     char who[96];
@@ -53,6 +54,7 @@ static void put_table_1(struct paper *paper, const struct pendulum_table *table)
                              pendulum_paper[n][k].ode_energy, pendulum_paper[n][k].ode_constraint);
         }
     }
+
     /* Compare the energy errors with the paper's */
     static const char *const names[2] = {"single", "double"};
 
@@ -162,6 +164,7 @@ enum error_code paper_pendulums(struct paper *paper, struct pendulum_table *tabl
             "interpolation between steps gives the paper's error. Here a cubic through "
             "angles and rates ends a turn.",
             PENDULUM_PERIOD_UNITS, PENDULUM_PERIOD_STEP, worst_period(&course[0], period));
+
         /* Findings that need an engine with absolute coordinates */
         if (count > 1) {
             report_finding(report, false,

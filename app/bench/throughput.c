@@ -593,6 +593,7 @@ static enum error_code time_rig(const struct throughput *t, const struct measure
     config.ticks = (uint64_t)ceil(1e6 * (skipped_s + t->seconds) / tick_us);
     memset(timer, 0, sizeof *timer);
     timer->begun_s = -1.0;
+
     /* Measure the mean time of one reading of the CPU clock */
     const double begun_s = bench_cpu_s();
 

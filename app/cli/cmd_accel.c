@@ -180,6 +180,7 @@ static enum error_code accel_answer_state(const struct dynamics *d, double *valu
                              r->line);
         }
     }
+
     /* Write numbers on a line, with all digits of a double, and flush them */
     for (size_t i = 0; i < robot->nv; i++) {
         printf("%.17g%c", vdot[i], i + 1 < robot->nv ? ' ' : '\n');

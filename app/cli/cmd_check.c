@@ -251,6 +251,7 @@ static int check_print_rig(void *context, const struct rig *rig, struct arena *a
     }
     printf("rig         %s, %s\n", rig->name, rig->file);
     check_print_robot(rig->robot, rig->variant);
+
     /* Print clock, integration and the start of a run */
     static const char *const holds[] = {"free", "held until all motors are on", "held"};
     const struct robot_pose *pose = &rig->robot->pose[robot_find_pose(rig->robot, rig->pose)];
@@ -267,6 +268,7 @@ static int check_print_rig(void *context, const struct rig *rig, struct arena *a
            "%s%s\n",
            rig->pose, moved, rig->base_position[0], rig->base_position[1], rig->base_position[2],
            rig->supply_v, holds[rig->hold], rig->settle ? ", settled" : "");
+
     /* Print the real-time settings, and the identifiers of lockstep */
     const struct rig_realtime *rt = &rig->realtime;
     char cpu[16] = "any CPU";
@@ -281,6 +283,7 @@ static int check_print_rig(void *context, const struct rig *rig, struct arena *a
            (unsigned)rig->lockstep.done_id, (double)rig->lockstep.partner_timeout_ns * 1e-9);
     check_print_scene(rig);
     check_print_sensors(rig);
+
     /* Print each bus with its worst-case load, relative to its bit rate, and its boards */
     const int64_t command = rig->servo.command_period_ns;
 

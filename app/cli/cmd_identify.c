@@ -139,6 +139,7 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
                                    .progress = show_progress,
                                    .context = &terminal,
                                    .interrupted = &interrupted};
+
     /* An interrupt ends the fit with an interim result. A second one ends the program. */
     sigaction(SIGINT, &(struct sigaction){.sa_handler = stop_fit, .sa_flags = (int)SA_RESETHAND},
               NULL);

@@ -128,6 +128,7 @@ static void protocol_put_field(const struct field *field, unsigned bit, bool in_
                       : field->type & FIELD_SIGNED ? 'i'
                                                    : 'u',
                       bits, field->type & FIELD_BIG_ENDIAN ? " be" : "");
+
     /* Add unit and scale, and the range if it is not the range of the type */
     double scale = field->scale != 0.0 ? field->scale : 1.0;
     bool limited = field->min || field->max;
@@ -145,6 +146,7 @@ static void protocol_put_field(const struct field *field, unsigned bit, bool in_
         protocol_add_text(&line, ", %.10g to %.10g%s%s", scale * (double)low + field->offset,
                           scale * (double)high + field->offset, *unit ? " " : "", unit);
     }
+
     /* Add the protocol's meaning of a field's values, if there is one */
     char note[80] = "";
 
@@ -274,6 +276,7 @@ static void protocol_put_sections(struct protocol_frames *frames, FILE *out)
                 fprintf(out, "\n## %s\n", sections[s]);
                 titled = true;
             }
+
             /* Print a frame, and its answer below. If the answer was already printed, print
              * the answer's fields only if it has a code of its own. */
             const struct message *message = &frame->message;

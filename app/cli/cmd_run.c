@@ -416,6 +416,7 @@ static void print_start(const struct simulator *simulator, const char *host, con
 {
     if (!quiet) {
         fprintf(stderr, "dynamics: %s\n", simulator_dynamics(simulator));
+
         /* Print how the robot has settled before the run, if it did */
         const struct settled *settled = simulator_settled(simulator);
         char base[96] = "";

@@ -131,6 +131,7 @@ static int task_run_to_end(struct task_runner *runner, const struct rig *rig, bo
         atomic_store(&reporter.stop, true);
         pthread_join(reporter.thread, NULL);
     }
+
     /* Print how the task ended; return the exit status */
     switch (status) {
     case TASK_DONE:

@@ -124,6 +124,7 @@ static void *monitor_main(void *context)
 
         simulator_watch_interfaces(monitor->config.simulator, now);
         print_events(monitor, now);
+
         /* Notify the service manager that the run is ready and alive. In lockstep the loop is
          * ready when it waits for the first STEP, before the first tick. */
         const struct simulator *simulator = monitor->config.simulator;

@@ -41,6 +41,7 @@ void topic_rt(FILE *out)
         options_wrap(phase_budgets[p].does, NAME_COLUMN, NAME_COLUMN, out);
     }
     text = print_until_mark(text, "@BUDGET@", out);
+
     /* Print each phase's budget in instructions, and its measured time */
     uint32_t sum = 0;
 

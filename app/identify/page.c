@@ -31,6 +31,7 @@ static void identify_plot(struct report *report, const char *id, const struct re
     for (size_t i = 0; i < r->count; i++) {
         residual[i] = position[i] - r->position[i];
     }
+
     /* Compute the spectrum of a residual, rad: its amplitudes at the centers of equal frequency
      * bands, Hz. Use a Fourier sum at the residual's own times, with a Hann window. */
     const double length = r->time[r->count - 1] - r->time[0];

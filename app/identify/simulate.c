@@ -22,6 +22,7 @@ static void settle_trial(struct trial_robot *trial)
 
     if (trial->bench.arm_kg > 0.0) {
         struct robot_inertia *inertia = &trial->body[1].inertia;
+
         /* Both centers of mass lie on a line through the origin; apply the parallel axis theorem */
         static const int row[6] = {0, 0, 0, 1, 1, 2}, column[6] = {0, 1, 2, 1, 2, 2};
         const double total = inertia->mass + trial->bench.arm_kg, *c = inertia->com;
@@ -107,6 +108,7 @@ static void run_plant(const struct rig *rig, const struct trial_robot *trial,
         while (row + 1 < r->count && r->time[row + 1] <= now - trial->bench.delay_s + 1e-9) {
             row++;
         }
+
         /* Set the command from a time on. row is the last row at that time; `after` has the
          * recording's zero. */
         command->bridge_on = r->enabled[row];

@@ -163,6 +163,7 @@ static void put_tick(const struct page *page, const struct scale *scale, bool ve
         fprintf(page->out, "<text x=\"%.2f\" y=\"%.2f\" text-anchor=\"middle\">", at,
                 page->y.from + 18.0);
     }
+
     /* Write the label of a tick. On a logarithmic axis, number is the exponent of ten. */
     double largest = fmax(fabs(scale->min), fabs(scale->max));
 

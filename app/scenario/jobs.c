@@ -117,6 +117,7 @@ static enum error_code job_start(struct pool *pool, struct scenario_job *job, st
     }
     if (process->pid == 0) {
         close(ends[0]);
+
         /* Run a job in a child process, send the outcome through the pipe, and end the
          * process */
         static struct scenario_outcome outcome;

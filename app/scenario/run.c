@@ -123,6 +123,7 @@ static void scenario_run_step(void *context, int64_t time_ns)
         observe_events(run);
         run->stepped_ns = run->scenario->clock == LOOP_CLOCK_LOCKSTEP ? clock_now(run->wall) : 0;
     }
+
     /* Let the program continue after a DONE, or after a refused STEP, which causes no tick */
     struct gateway *gateway = simulator_gateway(run->view.simulator);
     const uint64_t mismatches = simulator_stats(run->view.simulator)->lockstep.mismatches;

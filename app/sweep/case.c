@@ -362,6 +362,7 @@ static enum error_code plan_prepare_case(struct plan_batch *batch, struct plan_s
     job->seed_given = true;
     job->seed = slot->one->seed;
     snprintf(job->record, sizeof job->record, "%s", record ? record : "");
+
     /* Read the scenario of a case, and insert the case's values */
     code = scenario_read_with(slot->one->scenario, slot->one->value, slot->one->nvalue,
                               batch->arena, &job->scenario, &count, error);
@@ -438,6 +439,7 @@ static enum error_code plan_run_batch(struct plan_batch *batch, const struct pla
         batch->slot[i].one = &list[i];
         plan_prepare_case(batch, &batch->slot[i], &batch->slot[i].why);
     }
+
     /* Load the rig of the first case once. The forked processes then find its files, meshes and
      * solids in the stores. Ignore errors, because the case reports them. */
     if (batch->njob > 1 && !arena_init(&arena, RIG_MEMORY, &unused)) {

@@ -175,6 +175,7 @@ static enum error_code merge_write_csv(const struct plan *plan, const struct pla
             fprintf(file.out, "%.9g", result[i].failed_s);
         }
         fprintf(file.out, ",%.9g,%016" PRIx64 ",", result[i].virtual_s, result[i].state_hash);
+
         /* Write a field of CSV in quotation marks (RFC 4180); line breaks become "; " */
         const char *text = result[i].message;
 

@@ -370,6 +370,7 @@ enum error_code plan_write(const char *path_of_sweep, const char *path, size_t *
         code = plan_no_memory(error);
         goto done;
     }
+
     /* Write the cases of all scenarios */
     code = ERROR_NONE;
     for (size_t i = 0; !code && i < planner.sweep->nscenario; i++) {

@@ -322,6 +322,7 @@ static enum error_code field_find_spokes(struct field_builder *b)
         spoke_from_normals(sum[v], b->spoke[v]);
     }
     free(sum);
+
     /* Compute for each vertex the smallest speed at which its spoke leaves an adjacent side */
     const struct solid *s = b->solid;
 
@@ -350,6 +351,7 @@ static enum error_code field_make_nodes(struct field_builder *b, struct field *f
     double *inmost;
 
     field->nvertex = n;
+
     /* Choose the number of layers. Each layer is as thick as all layers above it; the number
      * makes the first one about as thick as the triangles are wide. */
     const struct solid *s = b->solid;
@@ -493,6 +495,7 @@ enum error_code field_make(const struct solid *solid, const char *name, struct a
     *field = (struct field){.solid = solid};
     if (solid->convex && solid->nfacet <= FIELD_MAX_PLANES) {
         field->planar = true;
+
         /* The largest depth of a convex solid is the radius of the largest ball in it. Four sides
          * touch that ball, so try all combinations of four sides. */
         const int n = (int)solid->nfacet;

@@ -193,6 +193,7 @@ double solid_depth(const struct solid *solid, const double p[3], double limit)
     if (!solid_find_nearest(solid, p, limit * limit, &nearest)) {
         return limit;
     }
+
     /* Compute the pseudonormal at the nearest point, which gives the sign of the distance */
     const struct solid *s = solid;
 

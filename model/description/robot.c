@@ -176,6 +176,7 @@ static enum error_code check_regular(const struct robot *robot, struct spatial_i
                              "%s: joint %s moves nothing that has inertia about its axis",
                              robot->name, joint->name);
         }
+
         /* Remove the motion of a free joint from an articulated inertia: A -= y y^T / d */
         for (int i = 0; i < 3; i++) {
             for (int j = 0; j < 3; j++) {

@@ -419,6 +419,7 @@ enum error_code tree_create(const struct robot *robot, int lanes, struct tree *t
         } else {
             set_body(robot, b, tree);
         }
+
         /* Compute m, h and K of a body in its working frame */
         mat3_apply_transposed(body->align, robot->body[b].inertia.com, com);
         for (int m = 0; m < 3; m++) {
@@ -429,6 +430,7 @@ enum error_code tree_create(const struct robot *robot, int lanes, struct tree *t
         if (!body->aligned) {
             sym3_rotate(transposed, I);
         }
+
         /* K = trace(I)/2 - I + m c c^T */
         trace = I[0] + I[3] + I[5];
         body->mass = robot->body[b].inertia.mass;

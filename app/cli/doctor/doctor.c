@@ -828,6 +828,7 @@ static int doctor_examine_rig(void *context, const struct rig *rig, struct arena
             printf("%20s-> %s\n", "", findings[i].fix);
         }
     }
+
     /* Print the implementation of the dynamics that a run would use now */
     struct error notice = {.text = ""}, error;
     struct dynamics dynamics;
