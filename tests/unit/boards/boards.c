@@ -128,10 +128,8 @@ static void time_answers(struct board_bench *bench, int64_t now_ns, int64_t arri
     assert_true(boards_next_answer(bench->boards, 0) == INT64_MAX);
 }
 
-TEST_WITH(an_answer_is_due_after_the_delay_and_spread_of_its_board, bench_configured,
-          bench_tear_down)
+TEST_ON(an_answer_is_due_after_the_delay_and_spread_of_its_board, bench_configure, bench)
 {
-    struct board_bench *bench = *test_state;
     int64_t at_ns[4], least = MS, greatest = 0, changes = 0, before = 0;
 
     bench->board[0].reply = (struct board_reply_time){300 * US, 0};
@@ -157,10 +155,8 @@ TEST_WITH(an_answer_is_due_after_the_delay_and_spread_of_its_board, bench_config
     assert_true(changes > 150);
 }
 
-TEST_WITH(without_a_wire_an_answer_waits_for_the_end_of_its_tick, bench_configured, bench_tear_down)
+TEST_ON(without_a_wire_an_answer_waits_for_the_end_of_its_tick, bench_configure, bench)
 {
-    struct board_bench *bench = *test_state;
-
     bench->board[0].reply = (struct board_reply_time){1500 * US, 0};
     bench_start(bench);
     for (int tick = 0; tick < 3; tick++) {
