@@ -6,8 +6,6 @@
 #include "boards/described/protocol.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-
 /* Returns the protocol of a file; the memory is kept until the test ends. */
 static inline const struct described_protocol *protocol_file(const char *name)
 {

@@ -5,8 +5,6 @@
  * The test computes the energies itself. HIL_PASSIVE_DRIVES=10000 runs as many drives for 10 s each
  * instead of 2,000 for a tenth.
  */
-#include <math.h>
-#include <stdlib.h>
 
 #include "base/random.h"
 #include "model/drives/effects.h"

@@ -2,9 +2,6 @@
 /* The reader of YAML: what it refuses in a text, where and in which words. */
 #include "tests/unit/base/yaml_car.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-
 TEST_WITH(rejects_unknown_key_and_names_the_nearest, open_arena, close_arena)
 {
     refused_with("mass_kg: 1\ndors: 3\n",

@@ -284,25 +284,22 @@ TEST_ON(torque_mode_reaches_its_counts, start, bench)
 }
 
 /* A held shaft off its reference feels stiffness * error, for the torque loop follows. */
-TEST(impedance_is_a_spring_around_the_reference)
+TEST_ON(impedance_is_a_spring_around_the_reference, board_bench, bench)
 {
     static const char *const modes[] = {"09 04", "09 05", "09 01"};
 
     for (int m = 0; m < 3; m++) {
-        struct board_bench bench;
-
-        start(&bench);
-        bench_send(&bench, 0, 0x001, "4E 00 00 02 00 00 00 0A");
-        bench_send(&bench, 0, 0x001, "57 06 00 00 00 00 00 00");  /* 6 counts a tick */
-        bench_send(&bench, 0, 0x001, m == 2 ? "74 01" : "74 00"); /* a compliant position mode */
-        bench_say(&bench, 0, 0x001, modes[m]);
-        bench.sense[0].q = 0.05; /* 500 ticks: -3000 counts = -5.04 Nm */
+        start(bench);
+        bench_send(bench, 0, 0x001, "4E 00 00 02 00 00 00 0A");
+        bench_send(bench, 0, 0x001, "57 06 00 00 00 00 00 00");  /* 6 counts a tick */
+        bench_send(bench, 0, 0x001, m == 2 ? "74 01" : "74 00"); /* a compliant position mode */
+        bench_say(bench, 0, 0x001, modes[m]);
+        bench->sense[0].q = 0.05; /* 500 ticks: -3000 counts = -5.04 Nm */
         for (int i = 0; i < 400; i++) {
-            bench_tick(&bench);
-            bench.sense[0].torque_nm = bench.motor[0].voltage_v / 0.664 * 4.1;
+            bench_tick(bench);
+            bench->sense[0].torque_nm = bench->motor[0].voltage_v / 0.664 * 4.1;
         }
-        assert_near(bench.sense[0].torque_nm, -5.04, 0.23);
-        bench_stop(&bench);
+        assert_near(bench->sense[0].torque_nm, -5.04, 0.23);
     }
 }
 

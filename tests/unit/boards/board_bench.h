@@ -63,9 +63,22 @@ static inline struct board_config bench_motor(const char *name, int bus, uint8_t
     };
 }
 
-/* The configuration, which a test may change before bench_start. */
+/* The bench that has been started last and not stopped. */
+static struct board_bench *bench_started;
+
+static inline void bench_stop(struct board_bench *bench)
+{
+    arena_fini(&bench->arena);
+    bench_started = NULL;
+}
+
+/* The configuration, which a test may change before bench_start. Stops the bench first if a case
+ * before has started it. */
 static inline void bench_configure(struct board_bench *bench)
 {
+    if (bench == bench_started) {
+        bench_stop(bench);
+    }
     memset(bench, 0, sizeof *bench);
     bench->board[0] = bench_motor("leg 1", 0, 1, 0, 1);
     bench->board[1] = bench_motor("leg 2", 0, 2, 2, -1);
@@ -113,6 +126,7 @@ static inline void bench_start(struct board_bench *bench)
     assert_no_error(boards_create(&bench->config, &bench->arena, &bench->boards, &error),
                     error.text);
     assert_ok(arena_seal(&bench->arena, false, &error));
+    bench_started = bench;
 }
 
 /* A bench whose configuration is as bench_configure makes it. */
@@ -120,11 +134,6 @@ static inline void bench_open(struct board_bench *bench)
 {
     bench_configure(bench);
     bench_start(bench);
-}
-
-static inline void bench_stop(struct board_bench *bench)
-{
-    arena_fini(&bench->arena);
 }
 
 /* "72 4D 01" -> three bytes */
@@ -284,6 +293,8 @@ static inline const struct bus_frame *bench_next_status(struct board_bench *benc
     }
     return NULL;
 }
+
+CLOSED_BENCH(board_bench, struct board_bench, bench_stop)
 
 BENCH(bench_open, struct board_bench, bench_stop)
 

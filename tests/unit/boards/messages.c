@@ -58,29 +58,28 @@ static void configure_inertial(struct board_bench *bench, const struct boards_bu
         .name = "pelvis", .kind = BOARD_INERTIAL, .address = 9, .transmit_at_start = true};
 }
 
-TEST(everything_sent_is_in_the_list)
+TEST_ON(everything_sent_is_in_the_list, board_bench, bench)
 {
     const struct boards_bus_config *const variants[] = {icub, foc, compact, fd};
     static struct list list;
 
     for (int run = 0; run < 8; run++) {
-        struct board_bench bench;
         size_t seen = 0;
         int v = run % 4;
 
-        (run < 4 ? configure : configure_inertial)(&bench, variants[v]);
-        bench_start(&bench);
+        (run < 4 ? configure : configure_inertial)(bench, variants[v]);
+        bench_start(bench);
         list.count = 0;
-        boards_messages(&bench.config, 0, append, &list);
+        boards_messages(&bench->config, 0, append, &list);
         assert_true(list.count > 10);
         for (int t = 0; t < 400; t++) {
             if (t % 50 == 0) {
-                bench_send(&bench, 0, v < 2 ? 0x70f : 0x7e0, v < 2 ? "FF" : "");
-                bench_send(&bench, 0, 0x209, "34 7F 80 01; 35 01");
+                bench_send(bench, 0, v < 2 ? 0x70f : 0x7e0, v < 2 ? "FF" : "");
+                bench_send(bench, 0, 0x209, "34 7F 80 01; 35 01");
             }
-            bench_say(&bench, 0, 0x10f, "00 00 00 00 00 00 00 00");
-            for (size_t i = 0; i < bench.count[0]; i++) {
-                const struct bus_frame *frame = &bench.frame[0][i];
+            bench_say(bench, 0, 0x10f, "00 00 00 00 00 00 00 00");
+            for (size_t i = 0; i < bench->count[0]; i++) {
+                const struct bus_frame *frame = &bench->frame[0][i];
                 size_t k = 0;
 
                 while (k < list.count &&
@@ -98,7 +97,6 @@ TEST(everything_sent_is_in_the_list)
             }
         }
         assert_true(seen > 100);
-        bench_stop(&bench);
     }
 }
 

@@ -124,29 +124,25 @@ static double ms_to_trip(struct board_bench *bench, double current_a, uint32_t i
 }
 
 /* 1.05 times the limit heats by 0.1025 a ms of 10; 12 A of nominal 4 and peak 8 last 3.84 s. */
-TEST(an_over_current_trips_at_its_time_whatever_the_tick)
+TEST_ON(an_over_current_trips_at_its_time_whatever_the_tick, board_bench, bench)
 {
     for (size_t t = 0; t < ARRAY_COUNT(ticks_ns); t++) {
         const double tick_ms = (double)ticks_ns[t] / (double)MS;
-        struct board_bench bench;
 
-        bench_configure(&bench);
-        bench.config.tick_ns = ticks_ns[t];
-        bench_start(&bench);
-        bench_send(&bench, 0, 0x001, "48 E8 03 00 00"); /* 1 A */
-        bench_say(&bench, 0, 0x001, "09 50");
-        assert_near(ms_to_trip(&bench, 1.05, 0x001, "72 00 00"), 10.0 / 0.1025, tick_ms + 1.0);
-        bench_stop(&bench);
+        bench_configure(bench);
+        bench->config.tick_ns = ticks_ns[t];
+        bench_start(bench);
+        bench_send(bench, 0, 0x001, "48 E8 03 00 00"); /* 1 A */
+        bench_say(bench, 0, 0x001, "09 50");
+        assert_near(ms_to_trip(bench, 1.05, 0x001, "72 00 00"), 10.0 / 0.1025, tick_ms + 1.0);
 
-        start_compact(&bench, ticks_ns[t]);
-        bench_say(&bench, 0, 0x020, "01 03 00 00 00");
-        assert_near(ms_to_trip(&bench, 1.05 * 12.0, 0x040, "00 00"), 10.0 / 0.1025, tick_ms + 1.0);
-        bench_stop(&bench);
+        start_compact(bench, ticks_ns[t]);
+        bench_say(bench, 0, 0x020, "01 03 00 00 00");
+        assert_near(ms_to_trip(bench, 1.05 * 12.0, 0x040, "00 00"), 10.0 / 0.1025, tick_ms + 1.0);
 
-        start_foc(&bench, ticks_ns[t]);
-        bench_say(&bench, 0, 0x001, "09 50");
-        assert_near(ms_to_trip(&bench, 12.0, 0x10f, "00 00"), 3840.0, tick_ms + 1.0);
-        bench_stop(&bench);
+        start_foc(bench, ticks_ns[t]);
+        bench_say(bench, 0, 0x001, "09 50");
+        assert_near(ms_to_trip(bench, 12.0, 0x10f, "00 00"), 3840.0, tick_ms + 1.0);
     }
 }
 
@@ -158,68 +154,63 @@ static double steps_since(const struct board_bench *bench, int64_t from_ns)
     return (double)(bench->now_ns / MS - from_ns / MS);
 }
 
-TEST(integrals_grow_with_time_whatever_the_tick)
+TEST_ON(integrals_grow_with_time_whatever_the_tick, board_bench, bench)
 {
     for (size_t t = 0; t < ARRAY_COUNT(ticks_ns); t++) {
-        struct board_bench bench;
         int64_t from_ns;
 
         /* Current of 1000 mA wanted, none there: 1000/32, and 2000/32 more with every ms */
-        start_foc(&bench, ticks_ns[t]);
-        bench_ticks(&bench, 7);
-        bench_send(&bench, 0, 0x001, "09 06");
-        bench_send(&bench, 0, 0x10f, "E8 03");
-        for (from_ns = bench.now_ns; bench.now_ns < from_ns + 13 * MS;) {
+        start_foc(bench, ticks_ns[t]);
+        bench_ticks(bench, 7);
+        bench_send(bench, 0, 0x001, "09 06");
+        bench_send(bench, 0, 0x10f, "E8 03");
+        for (from_ns = bench->now_ns; bench->now_ns < from_ns + 13 * MS;) {
             double n, per_mille;
 
-            bench_say(&bench, 0, 0x10f, "E8 03");
-            n = steps_since(&bench, from_ns);
+            bench_say(bench, 0, 0x10f, "E8 03");
+            n = steps_since(bench, from_ns);
             per_mille = n > 0.0 ? floor((2.0 * n - 1.0) * 1000.0 / 32.0) : 0.0;
-            assert_near(bench.motor[0].voltage_v, per_mille * 1e-3 * SUPPLY_V, 1e-9);
+            assert_near(bench->motor[0].voltage_v, per_mille * 1e-3 * SUPPLY_V, 1e-9);
         }
-        bench_stop(&bench);
 
         /* 0.5 A wanted: 0.25 V more with every ms of R = 1 ohm, beside what is proportional */
-        start_compact(&bench, ticks_ns[t]);
-        bench_ticks(&bench, 7);
-        bench_send(&bench, 0, 0x020, "02 01 00 00 00");
-        bench_send(&bench, 0, 0x040, "F4 01");
-        for (from_ns = bench.now_ns; bench.now_ns < from_ns + 13 * MS;) {
+        start_compact(bench, ticks_ns[t]);
+        bench_ticks(bench, 7);
+        bench_send(bench, 0, 0x020, "02 01 00 00 00");
+        bench_send(bench, 0, 0x040, "F4 01");
+        for (from_ns = bench->now_ns; bench->now_ns < from_ns + 13 * MS;) {
             double n;
 
-            bench_tick(&bench);
-            n = steps_since(&bench, from_ns);
-            assert_near(bench.motor[0].voltage_v,
+            bench_tick(bench);
+            n = steps_since(bench, from_ns);
+            assert_near(bench->motor[0].voltage_v,
                         n > 0.0 ? 0.5 * exp(-1.0) / (2.0 * (1.0 - exp(-1.0))) + 0.25 * n : 0.0,
                         1e-3);
         }
-        bench_stop(&bench);
     }
 }
 
 /* A set-point lives for 20 ms, or 50, and is gone in the tick that ends later. */
-TEST(commands_time_out_in_ms_whatever_the_tick)
+TEST_ON(commands_time_out_in_ms_whatever_the_tick, board_bench, bench)
 {
     for (size_t t = 0; t < ARRAY_COUNT(ticks_ns); t++) {
         for (int foc = 0; foc < 2; foc++) {
             const int64_t lives_ns = (foc ? 50 : 20) * MS;
-            struct board_bench bench;
             int64_t from_ns;
 
             if (foc) {
-                start_foc(&bench, ticks_ns[t]);
+                start_foc(bench, ticks_ns[t]);
             } else {
-                start_compact(&bench, ticks_ns[t]);
+                start_compact(bench, ticks_ns[t]);
             }
-            bench_ticks(&bench, 7);
-            bench_send(&bench, 0, foc ? 0x001 : 0x020, foc ? "09 50" : "01 01 00 00 00");
-            bench_send(&bench, 0, foc ? 0x10f : 0x040, "E8 03");
-            for (from_ns = bench.now_ns; bench_counters(&bench).timeouts == 0;) {
-                assert_true(bench.now_ns - from_ns <= lives_ns);
-                bench_tick(&bench);
+            bench_ticks(bench, 7);
+            bench_send(bench, 0, foc ? 0x001 : 0x020, foc ? "09 50" : "01 01 00 00 00");
+            bench_send(bench, 0, foc ? 0x10f : 0x040, "E8 03");
+            for (from_ns = bench->now_ns; bench_counters(bench).timeouts == 0;) {
+                assert_true(bench->now_ns - from_ns <= lives_ns);
+                bench_tick(bench);
             }
-            assert_true(bench.now_ns - from_ns > lives_ns);
-            bench_stop(&bench);
+            assert_true(bench->now_ns - from_ns > lives_ns);
         }
     }
 }

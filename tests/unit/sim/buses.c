@@ -2,8 +2,6 @@
 /* Opening a rig's buses: what --bus may say, and local buses that carry frames both ways. */
 #include "sim/buses.h"
 
-#include <string.h>
-
 #include "tests/unit/arena_fixture.h"
 #include "tests/test.h"
 

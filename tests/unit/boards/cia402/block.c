@@ -160,29 +160,26 @@ TEST_ON(every_refusal_of_blocks_has_its_abort_code, start, bench)
 }
 
 /* 147 segments are more than a domain has; whether they were too many is seen at the end. */
-TEST(what_no_size_announced_is_held_within_the_object)
+TEST_ON(what_no_size_announced_is_held_within_the_object, board_bench, bench)
 {
     for (unsigned segments = 147; segments <= 148; segments++) {
-        struct board_bench bench;
-
-        start(&bench);
-        sdo(&bench, 4, "C0 01 20 00 00 00 00 00", "A4 01 20 00 7F 00 00 00");
+        start(bench);
+        sdo(bench, 4, "C0 01 20 00 00 00 00 00", "A4 01 20 00 7F 00 00 00");
         for (unsigned i = 1; i <= segments; i++) {
             uint8_t number = (uint8_t)(i <= 127 ? i : i - 127);
             struct bus_frame frame = {
                 .id = REQUEST, .len = 8, .data = {(uint8_t)(number | (i == 147 ? 0x80 : 0))}};
 
             frame.data[0] &= segments == 148 ? 0x7f : 0xff;
-            boards_receive(bench.boards, bench.now_ns, 0, &frame);
-            bench_tick(&bench);
+            boards_receive(bench->boards, bench->now_ns, 0, &frame);
+            bench_tick(bench);
         }
         if (segments == 147) {
-            bench_expect(&bench, 0, REPLY, "A2 14 7F 00 00 00 00 00");
-            sdo(&bench, 4, "D1 00 00 00 00 00 00 00", "80 01 20 00 12 00 07 06");
+            bench_expect(bench, 0, REPLY, "A2 14 7F 00 00 00 00 00");
+            sdo(bench, 4, "D1 00 00 00 00 00 00 00", "80 01 20 00 12 00 07 06");
         } else {
-            bench_expect(&bench, 0, REPLY, "80 01 20 00 12 00 07 06");
+            bench_expect(bench, 0, REPLY, "80 01 20 00 12 00 07 06");
         }
-        bench_stop(&bench);
     }
 }
 
@@ -209,23 +206,20 @@ TEST_ON(an_abort_or_a_new_request_ends_a_block_transfer, start, bench)
     sdo(bench, 4, "40 01 10 00 00 00 00 00", "4F 01 10 00 00 00 00 00");
 }
 
-TEST(a_silent_client_has_its_block_transfer_aborted_after_a_second)
+TEST_ON(a_silent_client_has_its_block_transfer_aborted_after_a_second, board_bench, bench)
 {
     static const char *const starts[][2] = {{DOWN}, {UP}};
 
     for (int i = 0; i < 2; i++) {
-        struct board_bench bench;
-
-        start(&bench);
-        sdo(&bench, 4, starts[i][0], starts[i][1]);
+        start(bench);
+        sdo(bench, 4, starts[i][0], starts[i][1]);
         for (int ms = 0; ms < 999; ms++) {
-            bench_tick(&bench);
-            assert_int_equal(bench_sent(&bench, 0, REPLY), 0);
+            bench_tick(bench);
+            assert_int_equal(bench_sent(bench, 0, REPLY), 0);
         }
-        bench_tick(&bench);
-        bench_expect(&bench, 0, REPLY, i ? "80 08 10 00 00 00 04 05" : "80 00 20 00 00 00 04 05");
-        sdo(&bench, 4, "40 01 10 00 00 00 00 00", "4F 01 10 00 00 00 00 00");
-        bench_stop(&bench);
+        bench_tick(bench);
+        bench_expect(bench, 0, REPLY, i ? "80 08 10 00 00 00 04 05" : "80 00 20 00 00 00 04 05");
+        sdo(bench, 4, "40 01 10 00 00 00 00 00", "4F 01 10 00 00 00 00 00");
     }
 }
 

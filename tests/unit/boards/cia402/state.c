@@ -148,8 +148,6 @@ TEST_ON(the_statusword_tells_supply_and_remote, start, bench)
     assert_int_equal(sdo_read(bench, 0, 4, 0x6041, 0) & 0x0290, 0x0200);
 }
 
-CLOSED_BENCH(board_bench, struct board_bench, bench_stop)
-
 TEST_ON(a_fault_reset_needs_an_edge_and_the_cause_gone, board_bench, bench)
 {
     bring_to(bench, CIA402_OPERATION_ENABLED);

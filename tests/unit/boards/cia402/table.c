@@ -188,26 +188,25 @@ static void compare_object(struct board_bench *bench, int board, const char *tex
     }
 }
 
-TEST(a_node_answers_what_its_eds_file_says)
+TEST_ON(a_node_answers_what_its_eds_file_says, board_bench, bench)
 {
     for (int board = 0; board < BENCH_BOARDS; board++) {
-        struct board_bench bench;
         unsigned objects = 0, listed = 0;
         char *text;
 
-        configure(&bench);
+        configure(bench);
         for (int i = 0; i < BENCH_BOARDS; i++) {
-            bench.board[i].axis[0].lower_rad = -1.5 - i;
+            bench->board[i].axis[0].lower_rad = -1.5 - i;
         }
-        bench_start(&bench);
-        text = write_eds(&bench, board);
+        bench_start(bench);
+        text = write_eds(bench, board);
         for (unsigned index = 0x1000; index <= 0xa000; index++) {
-            const struct board_config *config = &bench.board[board];
+            const struct board_config *config = &bench->board[board];
             unsigned answer;
             char section[16];
 
             snprintf(section, sizeof section, "%X", index);
-            sdo_exchange(&bench, (size_t)config->bus, config->address, 0x40, index, 0, 0, &answer);
+            sdo_exchange(bench, (size_t)config->bus, config->address, 0x40, index, 0, 0, &answer);
             if (answer == 0x80) {
                 assert_null(eds_value(text, section, "ParameterName"));
                 continue;
@@ -215,10 +214,10 @@ TEST(a_node_answers_what_its_eds_file_says)
             objects++;
             if (*eds_value(text, section, "SubNumber")) {
                 for (unsigned sub = 0; sub < 16; sub++) {
-                    compare_object(&bench, board, text, index, sub, false);
+                    compare_object(bench, board, text, index, sub, false);
                 }
             } else {
-                compare_object(&bench, board, text, index, 0, true);
+                compare_object(bench, board, text, index, 0, true);
             }
         }
         listed = (unsigned)atoi(eds_value(text, "MandatoryObjects", "SupportedObjects")) +
@@ -227,7 +226,6 @@ TEST(a_node_answers_what_its_eds_file_says)
         assert_int_equal(objects, listed);
         assert_true(objects > 20);
         free(text);
-        bench_stop(&bench);
     }
 }
 

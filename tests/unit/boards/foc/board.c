@@ -42,32 +42,29 @@ TEST_ON(velocity_is_in_icubdeg_a_millisecond, start, bench)
     assert_near((double)get_i16_le(bench_find(bench, 0, 0x110)->data + 2), 2086.0 / 2.0, 10.0);
 }
 
-TEST(a_board_is_idle_only_when_it_has_everything)
+TEST_ON(a_board_is_idle_only_when_it_has_everything, board_bench, bench)
 {
     static const char *const steps[] = {"5B 01 06", "77 01 00 10 00 00 0E",
                                         "48 00 A0 0F 40 1F 20 4E", "65 92 00 E3 00 00 00 0F"};
 
     for (int missing = 0; missing < 4; missing++) {
-        struct board_bench bench;
-
-        configure(&bench);
-        bench_start(&bench);
+        configure(bench);
+        bench_start(bench);
         for (int i = 0; i < 4; i++) {
             if (i != missing) {
-                bench_send(&bench, 0, 0x001, steps[i]);
+                bench_send(bench, 0, 0x001, steps[i]);
             }
         }
-        target(&bench, "00 00");
-        assert_int_equal(bench_find(&bench, 0, 0x113)->data[0], 0xb0);
-        enter(&bench, "09 50");
-        target(&bench, "00 10");
-        assert_int_equal(bench_find(&bench, 0, 0x113)->data[0], 0xb0);
-        assert_false(bench.motor[0].bridge_on);
+        target(bench, "00 00");
+        assert_int_equal(bench_find(bench, 0, 0x113)->data[0], 0xb0);
+        enter(bench, "09 50");
+        target(bench, "00 10");
+        assert_int_equal(bench_find(bench, 0, 0x113)->data[0], 0xb0);
+        assert_false(bench->motor[0].bridge_on);
         if (missing > 0) { /* without the protocol the rest has been refused */
-            bench_say(&bench, 0, 0x001, steps[missing]);
-            bench_expect(&bench, 0, 0x113, "00 00 00 00 00 00 00 00"); /* told unasked */
+            bench_say(bench, 0, 0x001, steps[missing]);
+            bench_expect(bench, 0, 0x113, "00 00 00 00 00 00 00 00"); /* told unasked */
         }
-        bench_stop(&bench);
     }
 }
 
@@ -113,21 +110,18 @@ TEST_ON(open_loop_is_a_share_of_the_supply_up_to_95_percent, start, bench)
     assert_true(bench->motor[0].voltage_v == 0.0);
 }
 
-TEST(a_mode_begins_with_set_point_0)
+TEST_ON(a_mode_begins_with_set_point_0, board_bench, bench)
 {
     static const char *const modes[] = {"09 50", "09 06", "09 0A", "09 0B", "09 01"};
 
     for (int m = 0; m < 5; m++) {
-        struct board_bench bench;
-
-        start(&bench);
-        enter(&bench, "09 50");
-        target(&bench, "80 3E");
-        enter(&bench, modes[m]);
-        bench_tick(&bench);
-        assert_true(bench.motor[0].bridge_on);
-        assert_near(bench.motor[0].voltage_v, 0.0, 1e-9);
-        bench_stop(&bench);
+        start(bench);
+        enter(bench, "09 50");
+        target(bench, "80 3E");
+        enter(bench, modes[m]);
+        bench_tick(bench);
+        assert_true(bench->motor[0].bridge_on);
+        assert_near(bench->motor[0].voltage_v, 0.0, 1e-9);
     }
 }
 
@@ -174,7 +168,7 @@ TEST_ON(a_set_point_expires_after_50_ms, start, bench)
     assert_false(boards_fault(bench->boards));
 }
 
-TEST(faults_have_their_bits)
+TEST_ON(faults_have_their_bits, board_bench, bench)
 {
     static const struct {
         const char *what, *status;
@@ -185,33 +179,30 @@ TEST(faults_have_their_bits)
                   {"I2t", "A0 00 00 00 00 00 40 00"}};
 
     for (int f = 0; f < 5; f++) {
-        struct board_bench bench;
-
-        start(&bench);
-        enter(&bench, "09 50");
-        target(&bench, "00 00");
+        start(bench);
+        enter(bench, "09 50");
+        target(bench, "00 00");
         if (f == 0) {
-            bench.sense[0].current_a = -20.5; /* above the overload */
+            bench->sense[0].current_a = -20.5; /* above the overload */
         } else if (f == 1) {
-            bench.sensors.supply_v = 20.0;
+            bench->sensors.supply_v = 20.0;
         } else if (f == 2) {
-            bench.sense[0].qm = (double)NAN;
+            bench->sense[0].qm = (double)NAN;
         } else if (f == 3) {
-            bench.sensors.supply_v = nextafter(60.0, 100.0);
+            bench->sensors.supply_v = nextafter(60.0, 100.0);
         } else {
-            bench.sense[0].current_a = 12.0;
+            bench->sense[0].current_a = 12.0;
         }
         /* I2t: (12^2 - 4^2) t = (8^2 - 4^2) * 10.24 s gives 3.84 s */
         for (int t = 0; t < (f < 4 ? 2 : 3830); t++) {
-            target(&bench, "00 00");
-            assert_true(f < 4 || bench.motor[0].bridge_on);
+            target(bench, "00 00");
+            assert_true(f < 4 || bench->motor[0].bridge_on);
         }
         for (int t = 0; t < 20; t++) {
-            target(&bench, "00 00");
+            target(bench, "00 00");
         }
-        bench_expect(&bench, 0, 0x113, faults[f].status);
-        assert_false(bench.motor[0].bridge_on);
-        bench_stop(&bench);
+        bench_expect(bench, 0, 0x113, faults[f].status);
+        assert_false(bench->motor[0].bridge_on);
     }
 }
 
@@ -316,7 +307,7 @@ TEST_ON(status_can_be_thinned_out, configure, bench)
 
 /* In answers to DESIRED_TARGETS, every 200 ms of board 1 and 400 ms of board 3, of a board that has
  * a thermometer: real boards send nothing that nobody asked for. */
-TEST(the_temperature_comes_with_answers_of_boards_with_a_thermometer)
+TEST_ON(the_temperature_comes_with_answers_of_boards_with_a_thermometer, board_bench, bench)
 {
     static const struct {
         const char *motor_1, *motor_3;
@@ -328,30 +319,28 @@ TEST(the_temperature_comes_with_answers_of_boards_with_a_thermometer)
                  {"77 05 00 10 00 00 0E", "77 0D 00 10 00 00 0E", true, 6, 3}};
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct board_bench bench;
         size_t one = 0, three = 0;
 
-        start(&bench);
-        bench_send(&bench, 0, 0x001, cases[i].motor_1);
-        bench_send(&bench, 0, 0x003, cases[i].motor_3);
-        bench.sense[0].winding_c = 41.5;
-        bench_tick(&bench);
+        start(bench);
+        bench_send(bench, 0, 0x001, cases[i].motor_1);
+        bench_send(bench, 0, 0x003, cases[i].motor_3);
+        bench->sense[0].winding_c = 41.5;
+        bench_tick(bench);
         for (int t = 0; t < 1200; t++) {
             if (cases[i].asked) {
-                bench_send(&bench, 0, 0x10f, "00 00 00 00 00 00 00 00");
+                bench_send(bench, 0, 0x10f, "00 00 00 00 00 00 00 00");
             }
-            bench_tick(&bench);
-            if (bench_sent(&bench, 0, 0x11c)) {
-                assert_int_equal(bench_sent(&bench, 0, 0x110), 1);
-                bench_expect(&bench, 0, 0x11c, "00 00 9F 01");
+            bench_tick(bench);
+            if (bench_sent(bench, 0, 0x11c)) {
+                assert_int_equal(bench_sent(bench, 0, 0x110), 1);
+                bench_expect(bench, 0, 0x11c, "00 00 9F 01");
             }
-            one += bench_sent(&bench, 0, 0x11c);
-            three += bench_sent(&bench, 0, 0x13c);
-            assert_true(cases[i].asked || bench.count[0] == 0);
+            one += bench_sent(bench, 0, 0x11c);
+            three += bench_sent(bench, 0, 0x13c);
+            assert_true(cases[i].asked || bench->count[0] == 0);
         }
         assert_int_equal(one, cases[i].sent_1);
         assert_int_equal(three, cases[i].sent_3);
-        bench_stop(&bench);
     }
 }
 

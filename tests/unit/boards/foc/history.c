@@ -71,7 +71,7 @@ static void expect_fault(struct board_bench *bench, int axis, uint32_t fault)
 
 /* The square of the current above the nominal one heats, below it cools, never below zero; the
  * board trips at what the peak current gives in 10.24 s. */
-TEST(heat_cools_as_it_came)
+TEST_ON(heat_cools_as_it_came, board_bench, bench)
 {
     static const int rests[] = {0, 1000, 4000, 7000, 13000};
 
@@ -83,17 +83,15 @@ TEST(heat_cools_as_it_came)
             const double current = peak_a[axis] + 1.0;
             const double rate = current * current - nominal2;
             const double left = fmax(1500.0 * rate - rests[i] * nominal2, 0.0);
-            struct board_bench bench;
 
-            start_differently(&bench);
-            show_current(&bench, axis, current);
-            run_targets(&bench, 1500);
-            show_current(&bench, axis, 0.0);
-            run_targets(&bench, rests[i]);
-            show_current(&bench, axis, -current);
-            assert_near(ticks_to_trip(&bench), floor((most - left) / rate) + 1.0, 3.0);
-            expect_fault(&bench, axis, UINT32_C(1) << 22); /* I2t */
-            bench_stop(&bench);
+            start_differently(bench);
+            show_current(bench, axis, current);
+            run_targets(bench, 1500);
+            show_current(bench, axis, 0.0);
+            run_targets(bench, rests[i]);
+            show_current(bench, axis, -current);
+            assert_near(ticks_to_trip(bench), floor((most - left) / rate) + 1.0, 3.0);
+            expect_fault(bench, axis, UINT32_C(1) << 22); /* I2t */
         }
     }
 }
@@ -122,32 +120,29 @@ TEST_ON(heat_stays_when_the_axis_is_switched_off, start_differently, bench)
 
 /* ---- faults that come twice ---- */
 
-TEST(an_over_current_trips_again_after_it_was_enabled_again)
+TEST_ON(an_over_current_trips_again_after_it_was_enabled_again, board_bench, bench)
 {
     for (int axis = 0; axis < AXES; axis++) {
-        struct board_bench bench;
-
-        start_differently(&bench);
+        start_differently(bench);
         for (int time = 1; time <= 3; time++) {
-            show_current(&bench, axis, time % 2 ? overload_a[axis] : -overload_a[axis]);
-            run_targets(&bench, 3); /* the limit itself is allowed */
-            assert_true(bench.motor[axis].bridge_on);
-            show_current(&bench, axis, (time % 2 ? 1.0 : -1.0) * (overload_a[axis] + 0.001));
-            assert_int_equal(ticks_to_trip(&bench), 1);
-            assert_int_equal(bench_counters(&bench).trips, time);
-            expect_fault(&bench, axis, FOC_FAULT_OVER_CURRENT);
-            bench_send(&bench, 0, command_id[axis], "09 50"); /* not before FORCE_IDLE */
-            bench_send(&bench, 0, command_id[axis], "09 00");
-            run_targets(&bench, 2);
-            assert_int_equal(bench_find(&bench, 0, status_id[axis])->data[0],
+            show_current(bench, axis, time % 2 ? overload_a[axis] : -overload_a[axis]);
+            run_targets(bench, 3); /* the limit itself is allowed */
+            assert_true(bench->motor[axis].bridge_on);
+            show_current(bench, axis, (time % 2 ? 1.0 : -1.0) * (overload_a[axis] + 0.001));
+            assert_int_equal(ticks_to_trip(bench), 1);
+            assert_int_equal(bench_counters(bench).trips, time);
+            expect_fault(bench, axis, FOC_FAULT_OVER_CURRENT);
+            bench_send(bench, 0, command_id[axis], "09 50"); /* not before FORCE_IDLE */
+            bench_send(bench, 0, command_id[axis], "09 00");
+            run_targets(bench, 2);
+            assert_int_equal(bench_find(bench, 0, status_id[axis])->data[0],
                              ICUB_MODE_HARDWARE_FAULT);
-            show_current(&bench, axis, 0.0);
-            bench_send(&bench, 0, command_id[axis], "09 09; 09 50");
-            run_targets(&bench, 10);
-            assert_true(bench.motor[axis].bridge_on);
-            assert_int_equal(get_u32_le(bench_find(&bench, 0, status_id[axis])->data + 4), 0);
+            show_current(bench, axis, 0.0);
+            bench_send(bench, 0, command_id[axis], "09 09; 09 50");
+            run_targets(bench, 10);
+            assert_true(bench->motor[axis].bridge_on);
+            assert_int_equal(get_u32_le(bench_find(bench, 0, status_id[axis])->data + 4), 0);
         }
-        bench_stop(&bench);
     }
 }
 
@@ -227,35 +222,33 @@ static void expect_off(struct board_bench *bench, const struct law *law)
 
 /* The voltage changes from ms to ms, and again in the same way after the axis was off, entered once
  * more, or in fault: nothing is left of the integral, nothing came to it. */
-TEST(an_axis_begins_with_empty_integrals)
+TEST_ON(an_axis_begins_with_empty_integrals, board_bench, bench)
 {
     for (size_t i = 0; i < sizeof laws / sizeof *laws; i++) {
         double first[STEPS][AXES], again[STEPS][AXES];
-        struct board_bench bench;
 
-        start(&bench);
-        send_to_both(&bench, laws[i].gains);
-        show_current(&bench, 0, laws[i].current_a);
-        show_current(&bench, 1, -laws[i].current_a);
-        enter_law(&bench, &laws[i], first);
+        start(bench);
+        send_to_both(bench, laws[i].gains);
+        show_current(bench, 0, laws[i].current_a);
+        show_current(bench, 1, -laws[i].current_a);
+        enter_law(bench, &laws[i], first);
         for (int axis = 0; axis < AXES; axis++) {
             assert_true(fabs(first[STEPS - 1][axis] - first[0][axis]) > 1.0);
             assert_true((first[STEPS - 1][axis] > 0.0) == (axis == 0));
         }
 
-        send_to_both(&bench, "09 00"); /* off */
-        expect_off(&bench, &laws[i]);
-        enter_law(&bench, &laws[i], again);
+        send_to_both(bench, "09 00"); /* off */
+        expect_off(bench, &laws[i]);
+        enter_law(bench, &laws[i], again);
         assert_memory_equal(again, first, sizeof first);
 
-        enter_law(&bench, &laws[i], again); /* once more */
+        enter_law(bench, &laws[i], again); /* once more */
         assert_memory_equal(again, first, sizeof first);
 
-        bench_ticks(&bench, 60); /* the set-point expires */
-        expect_off(&bench, &laws[i]);
-        send_to_both(&bench, "09 09");
-        enter_law(&bench, &laws[i], again);
+        bench_ticks(bench, 60); /* the set-point expires */
+        expect_off(bench, &laws[i]);
+        send_to_both(bench, "09 09");
+        enter_law(bench, &laws[i], again);
         assert_memory_equal(again, first, sizeof first);
-        bench_stop(&bench);
     }
 }

@@ -32,8 +32,6 @@ static void config(struct board_bench *bench, const char *hex)
     bench_say(bench, 0, 0x209, hex);
 }
 
-CLOSED_BENCH(board_bench, struct board_bench, bench_stop)
-
 TEST_ON(every_sensor_has_its_frame_in_order, board_bench, bench)
 {
     static const char *const triple[] = {

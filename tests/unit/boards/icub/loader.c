@@ -38,25 +38,21 @@ TEST_ON(start_resets_into_a_bootloader_of_a_dsp, bench_open, bench)
     bench_ask(bench, "07", "07 00 00");
 }
 
-TEST(without_a_host_the_application_starts_after_five_seconds)
+TEST_ON(without_a_host_the_application_starts_after_five_seconds, board_bench, bench)
 {
-    struct board_bench bench;
-
-    bench_open(&bench);
-    loader_ask(&bench, "00", "00 01");
-    bench_ticks(&bench, 4999);
-    bench_ask(&bench, "07", "07 00 00");
-    bench_stop(&bench);
-    bench_open(&bench);
-    loader_ask(&bench, "00", "00 01");
-    bench_ticks(&bench, 4998);
-    bench_say(&bench, 0, 0x001, "07"); /* at the beginning of the last tick */
-    assert_int_equal(bench.count[0], 0);
-    bench_stop(&bench);
+    bench_open(bench);
+    loader_ask(bench, "00", "00 01");
+    bench_ticks(bench, 4999);
+    bench_ask(bench, "07", "07 00 00");
+    bench_open(bench);
+    loader_ask(bench, "00", "00 01");
+    bench_ticks(bench, 4998);
+    bench_say(bench, 0, 0x001, "07"); /* at the beginning of the last tick */
+    assert_int_equal(bench->count[0], 0);
 }
 
 /* Discovery, or a START that reaches the bootloader, as loader programs send a second one. */
-TEST(a_host_that_finds_the_bootloader_keeps_it_there)
+TEST_ON(a_host_that_finds_the_bootloader_keeps_it_there, board_bench, bench)
 {
     static const struct {
         uint32_t id;
@@ -66,22 +62,19 @@ TEST(a_host_that_finds_the_bootloader_keeps_it_there)
 
     for (size_t i = 0; i < sizeof hosts / sizeof *hosts; i++) {
         for (int from_power_up = 0; from_power_up < 2; from_power_up++) {
-            struct board_bench bench;
-
-            bench_configure(&bench);
-            bench.board[0].boot_ns = from_power_up ? INT64_C(5000000000) : 0;
-            bench_start(&bench);
+            bench_configure(bench);
+            bench->board[0].boot_ns = from_power_up ? INT64_C(5000000000) : 0;
+            bench_start(bench);
             if (!from_power_up) {
-                loader_ask(&bench, "00", "00 01");
+                loader_ask(bench, "00", "00 01");
             }
-            bench_ticks(&bench, 4000);
-            bench_say(&bench, 0, hosts[i].id, hosts[i].frame);
-            bench_expect(&bench, 0, ANSWER, hosts[i].answer);
-            bench_ticks(&bench, 20000);
-            loader_ask(&bench, "FF", "FF 00 02 51");
-            loader_ask(&bench, "04", "04 01");
-            loader_ask(&bench, "FF", "FF 04 02 51 57");
-            bench_stop(&bench);
+            bench_ticks(bench, 4000);
+            bench_say(bench, 0, hosts[i].id, hosts[i].frame);
+            bench_expect(bench, 0, ANSWER, hosts[i].answer);
+            bench_ticks(bench, 20000);
+            loader_ask(bench, "FF", "FF 00 02 51");
+            loader_ask(bench, "04", "04 01");
+            loader_ask(bench, "FF", "FF 04 02 51 57");
         }
     }
 }

@@ -47,74 +47,67 @@ static int ticks_to_trip(struct board_bench *bench)
 /* ---- the heat of an over-current ---- */
 
 /* Twice the limit heats by 3 a ms of 10, no current cools by 1, never below zero. */
-TEST(heat_cools_as_it_came)
+TEST_ON(heat_cools_as_it_came, board_bench, bench)
 {
     for (int axis = 0; axis < AXES; axis++) {
         for (int rest = 0; rest < 12; rest++) {
             int left = rest < 9 ? 9 - rest : 0;
-            struct board_bench bench;
 
-            open_with_limits(&bench);
-            show_current(&bench, axis, 2.0);
-            bench_ticks(&bench, 3);
-            show_current(&bench, axis, 0.0);
-            bench_ticks(&bench, rest);
-            show_current(&bench, axis, -2.0);
-            assert_int_equal(ticks_to_trip(&bench), (10 - left) / 3 + 1);
-            assert_true(bench.motor[1 - axis].bridge_on);
-            bench_stop(&bench);
+            open_with_limits(bench);
+            show_current(bench, axis, 2.0);
+            bench_ticks(bench, 3);
+            show_current(bench, axis, 0.0);
+            bench_ticks(bench, rest);
+            show_current(bench, axis, -2.0);
+            assert_int_equal(ticks_to_trip(bench), (10 - left) / 3 + 1);
+            assert_true(bench->motor[1 - axis].bridge_on);
         }
     }
 }
 
-TEST(an_axis_that_was_off_begins_cold)
+TEST_ON(an_axis_that_was_off_begins_cold, board_bench, bench)
 {
     for (int axis = 0; axis < AXES; axis++) {
-        struct board_bench bench;
-
-        open_with_limits(&bench);
-        show_current(&bench, axis, 2.0);
-        bench_ticks(&bench, 3);
-        bench_say(&bench, 0, 0x001, idle[axis]);
-        bench_send(&bench, 0, 0x001, open_loop[axis]);
-        assert_int_equal(ticks_to_trip(&bench), 4);
+        open_with_limits(bench);
+        show_current(bench, axis, 2.0);
+        bench_ticks(bench, 3);
+        bench_say(bench, 0, 0x001, idle[axis]);
+        bench_send(bench, 0, 0x001, open_loop[axis]);
+        assert_int_equal(ticks_to_trip(bench), 4);
 
         /* Driven from outside while it is off, it gathers none */
-        bench_send(&bench, 0, 0x001, force_idle[axis]);
-        bench_ticks(&bench, 100);
-        bench_send(&bench, 0, 0x001, open_loop[axis]);
-        assert_int_equal(ticks_to_trip(&bench), 4);
-        bench_stop(&bench);
+        bench_send(bench, 0, 0x001, force_idle[axis]);
+        bench_ticks(bench, 100);
+        bench_send(bench, 0, 0x001, open_loop[axis]);
+        assert_int_equal(ticks_to_trip(bench), 4);
     }
 }
 
 /* ---- faults that come twice ---- */
 
-TEST(an_over_current_trips_again_after_it_was_enabled_again)
+TEST_ON(an_over_current_trips_again_after_it_was_enabled_again, board_bench, bench)
 {
     for (int axis = 0; axis < AXES; axis++) {
         struct board_event event;
-        struct board_bench bench;
 
-        open_with_limits(&bench);
+        open_with_limits(bench);
         for (int time = 1; time <= 3; time++) {
-            show_current(&bench, axis, 2.0);
-            assert_int_equal(ticks_to_trip(&bench), 4);
-            assert_int_equal(bench_counters(&bench).trips, time);
-            assert_true(bench_event(&bench, BOARD_EVENT_FAULT, &event));
+            show_current(bench, axis, 2.0);
+            assert_int_equal(ticks_to_trip(bench), 4);
+            assert_int_equal(bench_counters(bench).trips, time);
+            assert_true(bench_event(bench, BOARD_EVENT_FAULT, &event));
             assert_int_equal(event.a, ICUB_FAULT_OVER_CURRENT);
             assert_int_equal(event.axis, axis);
-            assert_false(bench_event(&bench, BOARD_EVENT_FAULT, &event));
-            bench_say(&bench, 0, 0x001, open_loop[axis]); /* not before FORCE_IDLE */
-            assert_false(bench.motor[axis].bridge_on);
-            assert_true(bench.motor[1 - axis].bridge_on);
-            bench_send(&bench, 0, 0x001, force_idle[axis]);
-            show_current(&bench, axis, 1.0);
-            bench_send(&bench, 0, 0x001, open_loop[axis]);
-            bench_ticks(&bench, 200); /* the limit itself is allowed */
-            assert_true(bench.motor[axis].bridge_on);
+            assert_false(bench_event(bench, BOARD_EVENT_FAULT, &event));
+            bench_say(bench, 0, 0x001, open_loop[axis]); /* not before FORCE_IDLE */
+            assert_false(bench->motor[axis].bridge_on);
+            assert_true(bench->motor[1 - axis].bridge_on);
+            bench_send(bench, 0, 0x001, force_idle[axis]);
+            show_current(bench, axis, 1.0);
+            bench_send(bench, 0, 0x001, open_loop[axis]);
+            bench_ticks(bench, 200); /* the limit itself is allowed */
+            assert_true(bench->motor[axis].bridge_on);
         }
-        bench_stop(&bench);
     }
 }
 
@@ -151,44 +144,42 @@ TEST_ON(a_supply_out_of_range_is_told_each_time, open_with_limits, bench)
 }
 
 /* Each axis has its own range, and tells once each time that it is driven out of it. */
-TEST(a_limit_is_told_each_time_that_it_is_left)
+TEST_ON(a_limit_is_told_each_time_that_it_is_left, board_bench, bench)
 {
     static const char *const drive[AXES] = {"72 4D 01", "F2 4D 01"};
     static const double lower[AXES] = {-0.5, -1.25}, upper[AXES] = {0.75, 2.0};
 
     for (int axis = 0; axis < AXES; axis++) {
         struct board_event event;
-        struct board_bench bench;
 
-        bench_configure(&bench);
+        bench_configure(bench);
         for (int i = 0; i < AXES; i++) {
-            bench.board[0].axis[i].lower_rad = lower[i];
-            bench.board[0].axis[i].upper_rad = upper[i];
+            bench->board[0].axis[i].lower_rad = lower[i];
+            bench->board[0].axis[i].upper_rad = upper[i];
         }
-        bench_start(&bench);
-        bench_send(&bench, 0, 0x001, open_loop[axis]);
+        bench_start(bench);
+        bench_send(bench, 0, 0x001, open_loop[axis]);
         for (int time = 0; time < 4; time++) {
             double at = time % 2 ? lower[axis] : upper[axis];
             double tick = (time % 2 ? -1.0 : 1.0) / TICKS_PER_RAD;
 
-            bench.sense[axis].q = at; /* at the limit is not beyond it */
-            bench_tick(&bench);
-            bench_send(&bench, 0, 0x001, drive[axis]);
-            bench_ticks(&bench, 2);
-            assert_true(bench.motor[axis].voltage_v > 11.0);
-            assert_false(bench_event(&bench, BOARD_EVENT_LIMIT, &event));
-            bench.sense[axis].q = at + tick;
+            bench->sense[axis].q = at; /* at the limit is not beyond it */
+            bench_tick(bench);
+            bench_send(bench, 0, 0x001, drive[axis]);
+            bench_ticks(bench, 2);
+            assert_true(bench->motor[axis].voltage_v > 11.0);
+            assert_false(bench_event(bench, BOARD_EVENT_LIMIT, &event));
+            bench->sense[axis].q = at + tick;
             for (int i = 0; i < 3; i++) {
-                bench_send(&bench, 0, 0x001, drive[axis]);
-                bench_ticks(&bench, 2);
-                assert_true(bench.motor[axis].voltage_v == 0.0);
+                bench_send(bench, 0, 0x001, drive[axis]);
+                bench_ticks(bench, 2);
+                assert_true(bench->motor[axis].voltage_v == 0.0);
             }
-            assert_true(bench_event(&bench, BOARD_EVENT_LIMIT, &event));
+            assert_true(bench_event(bench, BOARD_EVENT_LIMIT, &event));
             assert_int_equal(event.axis, axis);
             assert_int_equal((int32_t)event.a, lround((at + tick) * TICKS_PER_RAD));
-            assert_false(bench_event(&bench, BOARD_EVENT_LIMIT, &event));
+            assert_false(bench_event(bench, BOARD_EVENT_LIMIT, &event));
         }
-        bench_stop(&bench);
     }
 }
 
@@ -234,44 +225,42 @@ static void expect_pwm(const struct board_bench *bench, int axis, int pwm)
 
 /* Pure integrators, of 1 and 2 counts a count and ms: after n ms with an error e the PWM is n e and
  * 2 n e. What comes while an axis is off adds nothing, and what was before is forgotten. */
-TEST(an_axis_that_was_off_begins_with_empty_integrals)
+TEST_ON(an_axis_that_was_off_begins_with_empty_integrals, board_bench, bench)
 {
     for (size_t i = 0; i < sizeof laws / sizeof *laws; i++) {
-        struct board_bench bench;
         char text[64];
 
-        bench_open(&bench);
+        bench_open(bench);
         for (unsigned axis = 0; axis < AXES; axis++) {
             snprintf(text, sizeof text, "%02X 00 00 %02X 00 00 00 00", laws[i].pid | axis << 7,
                      axis + 1);
-            bench_send(&bench, 0, 0x001, text);
+            bench_send(bench, 0, 0x001, text);
             /* an integral may become as large as any; position and torque have such a limit */
             snprintf(text, sizeof text, "%02X 00 00 35 05 FF 7F",
                      (laws[i].pid == 0x4e ? 0x50U : 0x54U) | axis << 7);
-            bench_send(&bench, 0, 0x001, text);
+            bench_send(bench, 0, 0x001, text);
         }
-        bench_tick(&bench);
+        bench_tick(bench);
         for (int time = 0; time < 3; time++) {
-            switch_axes(&bench, laws[i].mode);
-            bench_tick(&bench);
-            expect_pwm(&bench, 0, 0);
-            expect_pwm(&bench, 1, 0);
-            show_error(&bench, &laws[i], 0, 10);
-            show_error(&bench, &laws[i], 1, -7);
+            switch_axes(bench, laws[i].mode);
+            bench_tick(bench);
+            expect_pwm(bench, 0, 0);
+            expect_pwm(bench, 1, 0);
+            show_error(bench, &laws[i], 0, 10);
+            show_error(bench, &laws[i], 1, -7);
             for (int n = 1; n <= 5; n++) {
-                bench_tick(&bench);
-                expect_pwm(&bench, 0, 10 * n);
-                expect_pwm(&bench, 1, -7 * 2 * n);
+                bench_tick(bench);
+                expect_pwm(bench, 0, 10 * n);
+                expect_pwm(bench, 1, -7 * 2 * n);
             }
-            switch_axes(&bench, "00");
+            switch_axes(bench, "00");
             for (int n = 0; n < 20; n++) {
-                bench_tick(&bench);
-                expect_pwm(&bench, 0, 0);
-                expect_pwm(&bench, 1, 0);
+                bench_tick(bench);
+                expect_pwm(bench, 0, 0);
+                expect_pwm(bench, 1, 0);
             }
-            show_error(&bench, &laws[i], 0, 0);
-            show_error(&bench, &laws[i], 1, 0);
+            show_error(bench, &laws[i], 0, 0);
+            show_error(bench, &laws[i], 1, 0);
         }
-        bench_stop(&bench);
     }
 }

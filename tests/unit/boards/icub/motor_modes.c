@@ -2,23 +2,20 @@
 /* The control modes of iCub motor boards: how an axis comes into each, gently or strictly. */
 #include "tests/unit/boards/icub/motor_bench.h"
 
-TEST(any_running_mode_is_entered_from_idle_with_the_bridge_on)
+TEST_ON(any_running_mode_is_entered_from_idle_with_the_bridge_on, board_bench, bench)
 {
     for (size_t i = 0; i < RUNNING; i++) {
-        struct board_bench bench;
-
-        bench_open(&bench);
-        bench_tick(&bench);
-        assert_false(bench.motor[0].bridge_on);
-        set_mode(&bench, running[i]);
-        assert_int_equal(mode_of(&bench), running[i]);
-        assert_true(bench.motor[0].bridge_on);
-        assert_false(bench.motor[1].bridge_on);
-        assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
-        set_mode(&bench, i % 2 ? 0x00 : 0x09);
-        assert_int_equal(mode_of(&bench), 0x00);
-        assert_false(bench.motor[0].bridge_on);
-        bench_stop(&bench);
+        bench_open(bench);
+        bench_tick(bench);
+        assert_false(bench->motor[0].bridge_on);
+        set_mode(bench, running[i]);
+        assert_int_equal(mode_of(bench), running[i]);
+        assert_true(bench->motor[0].bridge_on);
+        assert_false(bench->motor[1].bridge_on);
+        assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
+        set_mode(bench, i % 2 ? 0x00 : 0x09);
+        assert_int_equal(mode_of(bench), 0x00);
+        assert_false(bench->motor[0].bridge_on);
     }
 }
 
@@ -93,23 +90,20 @@ TEST_ON(a_mode_change_clears_the_voltage_and_holds_the_position, bench_open, ben
     assert_near(bench->motor[0].voltage_v, 0.0, 0.0);
 }
 
-TEST(discovery_stops_motors_when_asked_to)
+TEST_ON(discovery_stops_motors_when_asked_to, board_bench, bench)
 {
     for (int stops = 0; stops < 2; stops++) {
-        struct board_bench bench;
-
-        bench_configure(&bench);
-        bench.board[0].discovery_stops_motors = stops;
-        bench_start(&bench);
-        bench_send(&bench, 0, 0x001, POLICY_7F);
-        set_mode(&bench, 0x50);
-        bench_tick(&bench);
-        bench_say(&bench, 0, 0x70f, "FF");
-        assert_int_equal(bench.motor[0].bridge_on, !stops);
-        to_slot_0(&bench);
-        bench_tick(&bench);
-        assert_int_equal(bench_sent(&bench, 0, 0x111), !stops);
-        bench_stop(&bench);
+        bench_configure(bench);
+        bench->board[0].discovery_stops_motors = stops;
+        bench_start(bench);
+        bench_send(bench, 0, 0x001, POLICY_7F);
+        set_mode(bench, 0x50);
+        bench_tick(bench);
+        bench_say(bench, 0, 0x70f, "FF");
+        assert_int_equal(bench->motor[0].bridge_on, !stops);
+        to_slot_0(bench);
+        bench_tick(bench);
+        assert_int_equal(bench_sent(bench, 0, 0x111), !stops);
     }
 }
 
@@ -182,8 +176,6 @@ static void expect_texts(struct board_bench *bench, unsigned *number, const char
     read_texts(bench, number, texts, sizeof texts);
     assert_string_equal(texts, expected);
 }
-
-CLOSED_BENCH(board_bench, struct board_bench, bench_stop)
 
 TEST_ON(a_strict_axis_that_is_owed_something_goes_into_fault, board_bench, bench)
 {

@@ -3,24 +3,20 @@
  * lengths. */
 #include "tests/unit/boards/icub/motor_bench.h"
 
-TEST(boards_are_silent_until_the_host_sets_a_policy)
+TEST_ON(boards_are_silent_until_the_host_sets_a_policy, board_bench, bench)
 {
-    struct board_bench bench;
-
-    bench_open(&bench);
-    set_mode(&bench, 0x50);
+    bench_open(bench);
+    set_mode(bench, 0x50);
     for (int i = 0; i < 6000; i++) {
-        bench_tick(&bench);
-        assert_int_equal(bench.count[0] + bench.count[1], 0);
+        bench_tick(bench);
+        assert_int_equal(bench->count[0] + bench->count[1], 0);
     }
-    bench_stop(&bench);
-    bench_configure(&bench);
-    bench.board[4].transmit_at_start = true;
-    bench_start(&bench);
-    bench_tick(&bench);
-    bench_expect(&bench, 1, 0x111, "00 00 00 00 00 00 00 00");
-    assert_int_equal(bench.count[0], 0);
-    bench_stop(&bench);
+    bench_configure(bench);
+    bench->board[4].transmit_at_start = true;
+    bench_start(bench);
+    bench_tick(bench);
+    bench_expect(bench, 1, 0x111, "00 00 00 00 00 00 00 00");
+    assert_int_equal(bench->count[0], 0);
 }
 
 TEST_ON(frames_keep_their_slots_and_the_mask_decides, bench_open, bench)
@@ -70,25 +66,22 @@ TEST_ON(the_default_mask_gives_every_frame_each_4_ms, bench_open, bench)
     assert_int_equal(sent[3] + sent[5] + sent[6] + sent[8], 0);
 }
 
-TEST(status_follows_a_mode_change_in_the_next_slot_2)
+TEST_ON(status_follows_a_mode_change_in_the_next_slot_2, board_bench, bench)
 {
-    struct board_bench bench;
-
     for (int phase = 0; phase < 4; phase++) {
-        bench_open(&bench);
-        bench_send(&bench, 0, 0x001, "49 04 00 00 00");
-        bench_ticks(&bench, 4 + phase);
-        set_mode(&bench, 0x50);
+        bench_open(bench);
+        bench_send(bench, 0, 0x001, "49 04 00 00 00");
+        bench_ticks(bench, 4 + phase);
+        set_mode(bench, 0x50);
         for (int i = phase; i != 2; i = (i + 1) % 4) {
-            bench_tick(&bench);
-            assert_int_equal(bench.count[0], 0);
+            bench_tick(bench);
+            assert_int_equal(bench->count[0], 0);
         }
-        bench_tick(&bench);
-        bench_expect(&bench, 0, 0x113, "00 50 00 00 00 00 00 00");
-        bench_expect(&bench, 0, 0x11c, "00");
-        bench_ticks(&bench, 4);
-        assert_int_equal(bench.count[0], 0);
-        bench_stop(&bench);
+        bench_tick(bench);
+        bench_expect(bench, 0, 0x113, "00 50 00 00 00 00 00 00");
+        bench_expect(bench, 0, 0x11c, "00");
+        bench_ticks(bench, 4);
+        assert_int_equal(bench->count[0], 0);
     }
 }
 
@@ -188,25 +181,23 @@ TEST_ON(velocities_are_scaled_by_the_estimator_shifts, bench_open, bench)
 
 /* ---- ticks of other lengths ---- */
 
-TEST(slots_follow_the_time_whatever_the_tick)
+TEST_ON(slots_follow_the_time_whatever_the_tick, board_bench, bench)
 {
     static const int64_t ticks_ns[] = {250000, 500000, 1000000, 2000000, 3000000, 10000000};
 
     for (size_t t = 0; t < sizeof ticks_ns / sizeof *ticks_ns; t++) {
-        struct board_bench bench;
         int sent = 0;
 
-        bench_configure(&bench);
-        bench.config.tick_ns = ticks_ns[t];
-        bench_start(&bench);
-        bench_send(&bench, 0, 0x001, "49 01 00 00 00");
-        bench_ticks(&bench, (int)(1200000000 / ticks_ns[t]) - 1);
+        bench_configure(bench);
+        bench->config.tick_ns = ticks_ns[t];
+        bench_start(bench);
+        bench_send(bench, 0, 0x001, "49 01 00 00 00");
+        bench_ticks(bench, (int)(1200000000 / ticks_ns[t]) - 1);
         for (int64_t ns = 0; ns < 1200000000; ns += ticks_ns[t]) {
-            bench_tick(&bench);
-            sent += (int)bench_sent(&bench, 0, 0x111);
+            bench_tick(bench);
+            sent += (int)bench_sent(bench, 0, 0x111);
         }
         assert_int_equal(sent, ticks_ns[t] <= 4000000 ? 300 : 120);
-        bench_stop(&bench);
     }
 }
 

@@ -95,33 +95,30 @@ TEST_ON(a_velocity_lives_as_long_as_its_time_out, bench_open, bench)
     assert_int_equal(ticks, 101);
 }
 
-TEST(a_silent_torque_source_disables_torque_modes)
+TEST_ON(a_silent_torque_source_disables_torque_modes, board_bench, bench)
 {
     static const unsigned modes[] = {0x03, 0x04, 0x05};
     struct board_event event;
     int ticks;
 
     for (size_t i = 0; i < 3; i++) {
-        struct board_bench bench;
-
-        bench_open(&bench);
-        bench_send(&bench, 0, 0x20c, "07 00");                   /* the pseudo-STRAIN speaks */
-        bench_send(&bench, 0, 0x001, "34 0C 01 00 00 00 00 00"); /* and the axis listens */
-        bench_ticks(&bench, 10);
-        set_mode(&bench, modes[i]);
-        bench_ticks(&bench, 1000);
-        assert_int_equal(mode_of(&bench), modes[i]);
-        bench_send(&bench, 0, 0x20c, "07 01");
-        for (ticks = 0; bench.motor[0].bridge_on && ticks < 1000; ticks++) {
-            bench_tick(&bench);
+        bench_open(bench);
+        bench_send(bench, 0, 0x20c, "07 00");                   /* the pseudo-STRAIN speaks */
+        bench_send(bench, 0, 0x001, "34 0C 01 00 00 00 00 00"); /* and the axis listens */
+        bench_ticks(bench, 10);
+        set_mode(bench, modes[i]);
+        bench_ticks(bench, 1000);
+        assert_int_equal(mode_of(bench), modes[i]);
+        bench_send(bench, 0, 0x20c, "07 01");
+        for (ticks = 0; bench->motor[0].bridge_on && ticks < 1000; ticks++) {
+            bench_tick(bench);
         }
         assert_int_equal(ticks, 198); /* the last frame is two ticks old */
-        assert_int_equal(mode_of(&bench), 0x00);
-        assert_false(bench.motor[0].bridge_on);
-        assert_true(bench_event(&bench, BOARD_EVENT_SOURCE_LOST, &event));
+        assert_int_equal(mode_of(bench), 0x00);
+        assert_false(bench->motor[0].bridge_on);
+        assert_true(bench_event(bench, BOARD_EVENT_SOURCE_LOST, &event));
         assert_int_equal(event.a, 0x0c);
-        assert_int_equal(bench_counters(&bench).timeouts, 1);
-        bench_stop(&bench);
+        assert_int_equal(bench_counters(bench).timeouts, 1);
     }
 }
 
@@ -173,7 +170,7 @@ TEST_ON(strain_frames_with_an_address_of_ours_are_not_believed, bench_open, benc
 
 /* ---- faults ---- */
 
-TEST(over_current_trips_once_and_is_told_once)
+TEST_ON(over_current_trips_once_and_is_told_once, board_bench, bench)
 {
     static const char *const limit[] = {"48 E8 03 00 00", "C8 E8 03 00 00"}; /* 1000 mA */
     static const char *const run[] = {"09 50", "89 50"};
@@ -181,36 +178,34 @@ TEST(over_current_trips_once_and_is_told_once)
 
     for (int axis = 0; axis < 2; axis++) {
         struct board_event event;
-        struct board_bench bench;
 
-        bench_open(&bench);
-        bench_send(&bench, 0, 0x001, "49 04 00 00 00");
-        bench_send(&bench, 0, 0x001, limit[axis]);
-        bench_send(&bench, 0, 0x001, run[axis]);
-        bench_ticks(&bench, 4);
-        bench.sense[axis].current_a = 1.0; /* at the limit is not above it */
-        bench_ticks(&bench, 1000);
-        assert_int_equal(bench_counters(&bench).trips, 0);
-        bench.sense[axis].current_a = -4.0;
-        bench_ticks(&bench, 2);
-        assert_false(bench.motor[axis].bridge_on);
-        assert_near(bench.motor[axis].voltage_v, 0.0, 0.0);
-        assert_int_equal(bench_counters(&bench).trips, 1);
-        assert_true(bench_event(&bench, BOARD_EVENT_FAULT, &event));
+        bench_open(bench);
+        bench_send(bench, 0, 0x001, "49 04 00 00 00");
+        bench_send(bench, 0, 0x001, limit[axis]);
+        bench_send(bench, 0, 0x001, run[axis]);
+        bench_ticks(bench, 4);
+        bench->sense[axis].current_a = 1.0; /* at the limit is not above it */
+        bench_ticks(bench, 1000);
+        assert_int_equal(bench_counters(bench).trips, 0);
+        bench->sense[axis].current_a = -4.0;
+        bench_ticks(bench, 2);
+        assert_false(bench->motor[axis].bridge_on);
+        assert_near(bench->motor[axis].voltage_v, 0.0, 0.0);
+        assert_int_equal(bench_counters(bench).trips, 1);
+        assert_true(bench_event(bench, BOARD_EVENT_FAULT, &event));
         assert_int_equal(event.a, 0x08);
         assert_int_equal(event.axis, axis);
-        bench_tick(&bench); /* slot 2 */
-        bench_expect(&bench, 0, 0x113, status[axis]);
+        bench_tick(bench); /* slot 2 */
+        bench_expect(bench, 0, 0x113, status[axis]);
         for (int i = 0; i < 40; i++) {
-            bench_tick(&bench);
-            assert_int_equal(bench_sent(&bench, 0, 0x113), 0);
+            bench_tick(bench);
+            assert_int_equal(bench_sent(bench, 0, 0x113), 0);
         }
         /* whatever is told later, the trip is not told again */
-        bench_send(&bench, 0, 0x001, axis ? "89 09" : "09 09");
-        bench_ticks(&bench, 4);
-        bench_expect(&bench, 0, 0x113, "00 00 00 00 00 00 00 00");
-        assert_int_equal(bench_counters(&bench).trips, 1);
-        bench_stop(&bench);
+        bench_send(bench, 0, 0x001, axis ? "89 09" : "09 09");
+        bench_ticks(bench, 4);
+        bench_expect(bench, 0, 0x113, "00 00 00 00 00 00 00 00");
+        assert_int_equal(bench_counters(bench).trips, 1);
     }
 }
 
@@ -231,24 +226,22 @@ TEST_ON(the_inrush_of_a_voltage_step_does_not_trip, bench_open, bench)
 
 /* An axis that rests saves no heat for later. It trips above 10 ms of heat: twice the limit heats
  * it by 3 a ms, 1.5 times the limit by 1.25. */
-TEST(a_rest_gives_no_credit_to_an_over_current)
+TEST_ON(a_rest_gives_no_credit_to_an_over_current, board_bench, bench)
 {
     for (int half = 0; half < 2; half++) {
-        struct board_bench bench;
         int ticks = 0;
 
-        bench_open(&bench);
-        bench_send(&bench, 0, 0x001, "48 E8 03 00 00"); /* 1000 mA */
-        set_mode(&bench, 0x50);
-        bench_ticks(&bench, 1000);
-        bench.sense[0].current_a = half ? 1.5 : 2.0;
-        boards_sample(bench.boards, bench.now_ns, &bench.sensors);
-        while (bench_counters(&bench).trips == 0 && ticks < 1000) {
-            bench_tick(&bench);
+        bench_open(bench);
+        bench_send(bench, 0, 0x001, "48 E8 03 00 00"); /* 1000 mA */
+        set_mode(bench, 0x50);
+        bench_ticks(bench, 1000);
+        bench->sense[0].current_a = half ? 1.5 : 2.0;
+        boards_sample(bench->boards, bench->now_ns, &bench->sensors);
+        while (bench_counters(bench).trips == 0 && ticks < 1000) {
+            bench_tick(bench);
             ticks++;
         }
         assert_int_equal(ticks, half ? 9 : 4);
-        bench_stop(&bench);
     }
 }
 
@@ -284,7 +277,7 @@ TEST_ON(a_hot_winding_trips_and_a_failed_thermometer_does_not, bench_open, bench
 }
 
 /* The state of the CAN controller begins at 96 and at 128, of each counter by itself. */
-TEST(can_states_begin_at_their_counts)
+TEST_ON(can_states_begin_at_their_counts, board_bench, bench)
 {
     static const struct {
         unsigned tec, rec, status;
@@ -294,17 +287,15 @@ TEST(can_states_begin_at_their_counts)
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const struct board_can_state can = {.tec = cases[i].tec, .rec = cases[i].rec};
         const struct bus_frame *frame;
-        struct board_bench bench;
 
-        bench_open(&bench);
-        bench_send(&bench, 0, 0x001, "49 04 00 00 00");
-        bench_ticks(&bench, 8);
-        boards_set_can_state(bench.boards, 0, &can);
-        set_mode(&bench, 0x50); /* each change of mode gives an event */
-        frame = bench_next_status(&bench);
+        bench_open(bench);
+        bench_send(bench, 0, 0x001, "49 04 00 00 00");
+        bench_ticks(bench, 8);
+        boards_set_can_state(bench->boards, 0, &can);
+        set_mode(bench, 0x50); /* each change of mode gives an event */
+        frame = bench_next_status(bench);
         assert_non_null(frame);
         assert_int_equal(frame->data[4], cases[i].status);
-        bench_stop(&bench);
     }
 }
 

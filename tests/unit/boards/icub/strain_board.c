@@ -21,24 +21,20 @@ static void to_next_frames(struct board_bench *bench)
     fail();
 }
 
-TEST(strain_boards_are_silent_until_told_to_send)
+TEST_ON(strain_boards_are_silent_until_told_to_send, board_bench, bench)
 {
-    struct board_bench bench;
-
-    bench_open(&bench);
+    bench_open(bench);
     for (int i = 0; i < 100; i++) {
-        bench_tick(&bench);
-        assert_int_equal(bench.count[0], 0);
+        bench_tick(bench);
+        assert_int_equal(bench->count[0], 0);
     }
-    bench_stop(&bench);
-    bench_configure(&bench);
-    bench.board[3].transmit_at_start = true;
-    bench_start(&bench);
-    to_next_frames(&bench);
-    assert_int_equal(bench.count[0], 2);
-    bench_expect_frame(&bench.frame[0][0], 0x3da, "00 80 00 80 00 80");
-    bench_expect_frame(&bench.frame[0][1], 0x3db, "00 80 00 80 00 80");
-    bench_stop(&bench);
+    bench_configure(bench);
+    bench->board[3].transmit_at_start = true;
+    bench_start(bench);
+    to_next_frames(bench);
+    assert_int_equal(bench->count[0], 2);
+    bench_expect_frame(&bench->frame[0][0], 0x3da, "00 80 00 80 00 80");
+    bench_expect_frame(&bench->frame[0][1], 0x3db, "00 80 00 80 00 80");
 }
 
 TEST_ON(force_and_torque_are_offset_binary_of_the_full_scale, bench_open, bench)
@@ -53,51 +49,47 @@ TEST_ON(force_and_torque_are_offset_binary_of_the_full_scale, bench_open, bench)
     bench_expect(bench, 0, 0x3db, "00 A0 FF 7F 00 80");
 }
 
-TEST(frames_come_at_the_period)
+TEST_ON(frames_come_at_the_period, board_bench, bench)
 {
     static const int periods[] = {1, 2, 4, 5, 10, 255};
 
     for (size_t p = 0; p < sizeof periods / sizeof *periods; p++) {
-        struct board_bench bench;
         char text[16];
         int64_t last = 0;
         int count = 0;
 
-        bench_open(&bench);
+        bench_open(bench);
         snprintf(text, sizeof text, "08 %02X", periods[p]);
-        bench_send(&bench, 0, 0x20d, text);
-        bench_send(&bench, 0, 0x20d, "07 00");
+        bench_send(bench, 0, 0x20d, text);
+        bench_send(bench, 0, 0x20d, "07 00");
         for (int i = 0; i < 10 * periods[p]; i++) {
-            bench_tick(&bench);
-            assert_int_equal(bench_sent(&bench, 0, 0x3da), bench_sent(&bench, 0, 0x3db));
-            if (bench_sent(&bench, 0, 0x3da)) {
-                assert_int_equal(bench.sensors.time_ns - last, periods[p] * 1000000);
-                last = bench.sensors.time_ns;
+            bench_tick(bench);
+            assert_int_equal(bench_sent(bench, 0, 0x3da), bench_sent(bench, 0, 0x3db));
+            if (bench_sent(bench, 0, 0x3da)) {
+                assert_int_equal(bench->sensors.time_ns - last, periods[p] * 1000000);
+                last = bench->sensors.time_ns;
                 count++;
             }
         }
         assert_int_equal(count, 10);
-        bench_stop(&bench);
     }
 }
 
-TEST(frames_that_could_not_be_sent_in_time_are_not_sent_in_a_bunch)
+TEST_ON(frames_that_could_not_be_sent_in_time_are_not_sent_in_a_bunch, board_bench, bench)
 {
-    struct board_bench bench;
     size_t sent = 0;
 
-    bench_configure(&bench); /* 5 ms */
-    bench_start(&bench);
-    bench_send(&bench, 0, 0x20d, "07 00");
+    bench_configure(bench); /* 5 ms */
+    bench_start(bench);
+    bench_send(bench, 0, 0x20d, "07 00");
     for (int i = 0; i < 22; i++) { /* nobody asks for frames */
-        bench_control(&bench);
+        bench_control(bench);
     }
     for (int i = 0; i < 8; i++) { /* those of 20 ms come late, those of 25 and 30 in time */
-        bench_tick(&bench);
-        sent += bench_sent(&bench, 0, 0x3da);
+        bench_tick(bench);
+        sent += bench_sent(bench, 0, 0x3da);
         assert_int_equal(sent, i < 2 ? 1 : i < 7 ? 2 : 3);
     }
-    bench_stop(&bench);
 }
 
 TEST_ON(a_period_of_zero_is_refused, bench_open, bench)

@@ -124,31 +124,29 @@ TEST_ON(the_trip_comes_when_the_winding_s_law_says, set_up, bench)
 
 /* ---- the other protocols ---- */
 
-TEST(a_2foc_with_a_thermometer_trips_with_over_heating)
+TEST_ON(a_2foc_with_a_thermometer_trips_with_over_heating, board_bench, bench)
 {
     static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_foc}};
-    struct board_bench bench;
 
     for (int thermometer = 0; thermometer < 2; thermometer++) {
-        configure(&bench);
-        bench.config.bus = buses;
-        bench.config.nboard = 1;
-        bench.board[0].axis[0].gear = 100.0;
-        bench_start(&bench);
-        bench_send(&bench, 0, 0x001, "5B 01 06");
-        bench_send(&bench, 0, 0x001, thermometer ? "77 05 00 10 00 00 0E" : "77 01 00 10 00 00 0E");
-        bench_send(&bench, 0, 0x001, "48 00 A0 0F 40 1F 20 4E; 65 92 00 E3 00 00 00 0F; 09 50");
-        bench_send(&bench, 0, 0x10f, "00 00");
-        bench.sense[0].winding_c = LIMIT_C;
-        bench_ticks(&bench, 2);
-        assert_true(bench.motor[0].bridge_on);
-        bench.sense[0].winding_c = LIMIT_C + 0.1;
-        bench_tick(&bench);
-        bench_say(&bench, 0, 0x10f, "00 00");
-        assert_int_equal(bench.motor[0].bridge_on, !thermometer);
-        bench_expect(&bench, 0, 0x113,
+        configure(bench);
+        bench->config.bus = buses;
+        bench->config.nboard = 1;
+        bench->board[0].axis[0].gear = 100.0;
+        bench_start(bench);
+        bench_send(bench, 0, 0x001, "5B 01 06");
+        bench_send(bench, 0, 0x001, thermometer ? "77 05 00 10 00 00 0E" : "77 01 00 10 00 00 0E");
+        bench_send(bench, 0, 0x001, "48 00 A0 0F 40 1F 20 4E; 65 92 00 E3 00 00 00 0F; 09 50");
+        bench_send(bench, 0, 0x10f, "00 00");
+        bench->sense[0].winding_c = LIMIT_C;
+        bench_ticks(bench, 2);
+        assert_true(bench->motor[0].bridge_on);
+        bench->sense[0].winding_c = LIMIT_C + 0.1;
+        bench_tick(bench);
+        bench_say(bench, 0, 0x10f, "00 00");
+        assert_int_equal(bench->motor[0].bridge_on, !thermometer);
+        bench_expect(bench, 0, 0x113,
                      thermometer ? "A0 00 00 00 00 02 00 00" : "50 00 00 00 00 00 00 00");
-        bench_stop(&bench);
     }
 }
 
