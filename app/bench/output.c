@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Functions common to the benchmarks. */
 #include "app/bench/bench.h"
+#include "base/config.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -18,10 +19,8 @@ double bench_cpu_s(void)
 
 enum error_code bench_find_program(char path[PATH_MAX], struct error *error)
 {
-    static const char end[] = "-bench";
-    ssize_t length = readlink("/proc/self/exe", path, PATH_MAX - 1);
-
-    path[length > (ssize_t)strlen(end) ? length - (ssize_t)strlen(end) : 0] = '\0';
+    config_program_folder(path);
+    strcat(path, "/coman-hil");
     return access(path, X_OK) ? error_set_file(error, errno, path, "cannot be run") : ERROR_NONE;
 }
 
