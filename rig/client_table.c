@@ -494,6 +494,25 @@ static int cia402_put_write(struct client_table *t, unsigned node, unsigned inde
     return table_put_frame(t, &frame);
 }
 
+/* Writes the questions for the two gains of a loop, objects 0xIIIISS, and the answers' fields. */
+static void cia402_put_gains(struct client_table *t, const char *joint, const char *quantity,
+                             unsigned node, unsigned step, const unsigned gain[2])
+{
+    for (int i = 0; i < 2 && gain[i]; i++) {
+        const unsigned index = (gain[i] >> 8) + step, sub = gain[i] & 0xff;
+        struct bus_frame ask = {
+            .id = CIA402_SDO_REQUEST + node,
+            .len = CIA402_SDO_LENGTH,
+            .data = {CIA402_UPLOAD, (uint8_t)index, (uint8_t)(index >> 8), (uint8_t)sub}};
+        const int frame = table_put_frame(t, &ask);
+
+        fprintf(t->out, "ask %s %s %d\n", joint, quantity, frame);
+        table_put_head(t, "report", CIA402_SDO_REPLY + node, 0);
+        fprintf(t->out, " 8 1FFFFFFF 00ffffff 00%02x%02x%02x\n", index & 0xff, index >> 8, sub);
+        fprintf(t->out, "value %s %s_gain %d 32|32@1- 1 0\n", joint, quantity, t->reports++);
+    }
+}
+
 /* Writes the set points of an axis. The voltages of a node share a frame; other set points are
  * objects. */
 static void cia402_put_axis(struct client_table *t, const struct board_config *board, unsigned k,
@@ -505,13 +524,19 @@ static void cia402_put_axis(struct client_table *t, const struct board_config *b
         unsigned index, bytes;
         int mode;
         double scale, most;
+        unsigned gain[2];
     } rows[] = {
-        {"voltage", 0, 2, CIA402_VOLTAGE_MODE, CIA402_VOLTAGE_V, t->rig->supply_v},
+        {"voltage", 0, 2, CIA402_VOLTAGE_MODE, CIA402_VOLTAGE_V, t->rig->supply_v, {0}},
         /* in thousandths of the rated torque, which is whole N mm */
-        {"torque", 0x6071, 2, 10, 1e-6 * rint(1e3 * axis->current_limit_a * axis->bemf_v_s_rad),
-         1e300},
-        {"velocity", 0x60ff, 4, 9, CIA402_POSITION_RAD, 1e300},
-        {"position", 0x607a, 4, 8, CIA402_POSITION_RAD, 1e300},
+        {"torque",
+         0x6071,
+         2,
+         10,
+         1e-6 * rint(1e3 * axis->current_limit_a * axis->bemf_v_s_rad),
+         1e300,
+         {0}},
+        {"velocity", 0x60ff, 4, 9, CIA402_POSITION_RAD, 1e300, {0x401501, 0x401502}},
+        {"position", 0x607a, 4, 8, CIA402_POSITION_RAD, 1e300, {0x401600, 0x401503}},
     };
     static const unsigned off[] = {0, CIA402_CW_FAULT_RESET, 0};
     static const unsigned on[] = {CIA402_CW_SHUTDOWN, CIA402_CW_SWITCH_ON_ONLY, CIA402_CW_ENABLE};
@@ -541,6 +566,7 @@ static void cia402_put_axis(struct client_table *t, const struct board_config *b
         fprintf(t->out, "set %s %s %d %u|%u@1- %.17g 0 %.17g %.17g enabled\n", joint,
                 rows[i].quantity, frame, rows[i].index ? 32 : 16 * k, 8 * rows[i].bytes,
                 rows[i].scale, -rows[i].most, rows[i].most);
+        cia402_put_gains(t, joint, rows[i].quantity, board->address, step, rows[i].gain);
     }
     /* EMCY has the faults of one axis, or the end of all faults */
     for (int gone = 0; gone < 2; gone++) {

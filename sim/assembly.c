@@ -431,6 +431,12 @@ static const char *simulator_tell(void *context, const char *word, size_t *size)
         const bool begun = simulator->published && simulator_read(simulator, &now);
 
         pthread_mutex_lock(&simulator->dropped.lock);
+        /* The log may not have taken the event yet */
+        if (begun && now.boards.malformed > 0 &&
+            now.malformed.time_ns >= simulator->dropped.time_ns) {
+            board_event_format(simulator->boards, &now.malformed, simulator->dropped.reason,
+                               sizeof simulator->dropped.reason);
+        }
         *size = (size_t)snprintf(
             simulator->dropped.told, sizeof simulator->dropped.told, "%" PRIu64 " %s",
             begun ? now.boards.unknown + now.boards.malformed : 0, simulator->dropped.reason);
@@ -463,6 +469,10 @@ static enum error_code simulator_write_table(struct simulator *simulator, struct
     }
     code = rig_client_table(simulator->config.rig, out, error);
     closed = memory_file_close(out, &simulator->client_table, "the client table", error);
+    /* Names of a protocol file may have the characters that end a row of the gateway */
+    for (char *at = simulator->client_table.text; at && *at; at++) {
+        *at = (char)(*at == '<' || *at == '>' ? '?' : *at);
+    }
     if (code && code != ERROR_MEMORY && !closed) {
         free(simulator->client_table.text);
         simulator->client_table.text = NULL;

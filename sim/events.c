@@ -150,6 +150,7 @@ static bool simulator_take_event(struct simulator *simulator, uint64_t *key, int
         board_event_format(simulator->boards, &board_event, text, size);
         if (board_event.kind == BOARD_EVENT_UNKNOWN || board_event.kind == BOARD_EVENT_MALFORMED) {
             pthread_mutex_lock(&simulator->dropped.lock);
+            simulator->dropped.time_ns = board_event.time_ns;
             snprintf(simulator->dropped.reason, sizeof simulator->dropped.reason, "%s", text);
             pthread_mutex_unlock(&simulator->dropped.lock);
         }

@@ -102,6 +102,7 @@ struct simulator_status {
     int64_t external_heard_ns[SIMULATOR_EXTERNAL_MAX];
     uint64_t external_silent;
     struct boards_counters boards;
+    struct board_event malformed; /* the last one, if boards.malformed > 0 */
 };
 
 struct simulator;

@@ -61,6 +61,7 @@ struct simulator {
     struct memory_file client_table; /* what the gateway tells its clients */
     struct {
         pthread_mutex_t lock;
+        int64_t time_ns;
         char reason[256]; /* event of the last command that a board dropped */
         char told[300];
     } dropped;

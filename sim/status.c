@@ -10,6 +10,7 @@ static void status_fill_buses(struct simulator *simulator)
     const struct rig *rig = simulator->config.rig;
 
     boards_counters(simulator->boards, &simulator->status.boards);
+    boards_last_malformed(simulator->boards, &simulator->status.malformed);
     for (size_t b = 0; b < rig->nbus; b++) {
         const struct can_port *port = simulator->ports.port[b];
         const struct can_counters *counters = &port->counters;

@@ -405,6 +405,14 @@ def test_every_protocol_has_joints_that_take_its_set_points():
                 assert not joint.enabled and (name == "coman-foc" or not joint.is_on), name
             with raises(BoardError, "boards take no", "expected"):
                 sim.enable("LElbj", quantity="speed")
+            if name == "coman-cia402":
+                for quantity, gains in (("position", ("kp", "ki")), ("velocity", ("kp", "ki"))):
+                    sim.set(f"joint.LElbj.{quantity}_{gains[0]}", 0)
+                    sim.enable("LElbj", quantity=quantity)      # the other gain acts
+                    sim.disable("LElbj")
+                    sim.set(f"joint.LElbj.{quantity}_{gains[1]}", 0)
+                    with raises(BoardError, f"the {quantity} loop of its board has gains of 0"):
+                        sim.enable("LElbj", quantity=quantity)
 
 
 def test_a_command_that_a_board_drops_is_told():

@@ -359,11 +359,15 @@ def test_described():
                        "HipSag", "HipLat", "HipYaw", "KneeSag", "AnkLat", "AnkSag"))]}
     with Simulator("coman-described", changes=changes, protocol=DESCRIBED) as simulator:
         simulator.wait()
-        text = run(JOINTS_OF, simulator.ready, "LElbj", "torque=3", "voltage=1")
+        text = run(JOINTS_OF, simulator.ready, "LElbj", "torque=3", "voltage=1",
+                   "arm,arm_0x03_SET,torque,1")
         rows = rows_of(text)
         result(len(rows) == 3 and 0.01 < rows[1][3] - rows[0][3] < 1.2 and "dropped 0 \n" in text
                and "takes no voltage" in text,
                "a joint of a user's protocol, whose frames have a counter and a checksum", text)
+        text = run(JOINTS_OF, simulator.ready, "LElbj", "arm,arm_0x03_SET,sum,3")
+        result(re.search(r"^dropped 1 .*frame SET \(id 0x2003\): checksum is 0x03, expected", text,
+                         re.M), "the run tells the command that a board dropped, and why", text)
 
 
 def main():

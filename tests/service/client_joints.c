@@ -2,7 +2,7 @@
 /* Drives a joint by name with each kind of set point that its board takes, without any table of
  * the client's own, and prints what the joint reports. client.py judges.
  *
- * client_joints READY JOINT QUANTITY=VALUE... */
+ * client_joints READY JOINT [BUS,MESSAGE,SIGNAL,VALUE] QUANTITY=VALUE... */
 #include "coman_hil_client.h"
 
 #include <stdio.h>
@@ -34,6 +34,18 @@ int main(int argc, char **argv)
         return 1;
     }
     for (int i = 3; i < argc; i++) {
+        struct hil_client_value sent;
+        char bus[33], message[65], signal[65];
+
+        /* Send a message of the DBC */
+        if (sscanf(argv[i], "%32[^,],%64[^,],%64[^,],%lf", bus, message, signal, &sent.value) ==
+            4) {
+            sent.signal = signal;
+            failed += hil_client_send(&client, bus, message, &sent, 1);
+            failed += hil_client_step(&client, 2);
+            continue;
+        }
+
         const int joint = hil_client_find_joint(&client, argv[2]);
         const char *names[] = {argv[2]}, *value = strchr(argv[i], '=');
         struct hil_client_joint state;
