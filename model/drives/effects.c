@@ -479,16 +479,15 @@ void effects_step_implicit(const struct robot_sea *sea, const struct effects_bri
                                       .deflection = effects_deflection(sea, qm, q),
                                       .ratio = gear_slope(sea, qm, 0.0)};
     double cogging = cogging_torque(sea, qm, 0.0);
-    double v = begin->sea.qmd, last;
+    double v = begin->sea.qmd, current = begin->sea.I, last;
 
     *end = (struct effects_end){.state = *begin};
     equation.friction = effects_friction(sea, v, &carried);
     for (int i = 0; i < MEAN_ITERATIONS; i++) {
         const double I =
             mode.flow != 0
-                ? (sea->L * begin->sea.I + h * (bridge->voltage - bridge->hold * mode.flow)) /
-                      winding
-                : begin->sea.I;
+                ? (sea->L * current + h * (bridge->voltage - bridge->hold * mode.flow)) / winding
+                : current;
         const double yield = mode.flow != 0 ? h * strength * sea->Kw / winding : 0.0;
 
         equation.resistance = J_h + sea->Dm + Kt * yield;
@@ -496,9 +495,10 @@ void effects_step_implicit(const struct robot_sea *sea, const struct effects_bri
         last = v;
         v = solve_speed(sea, &equation, begin->hysteresis, v, end);
         end->state.sea = (struct sea_state){.qm = qm + h * v, .qmd = v, .I = I - yield * v};
-        /* A current that would change its sign against the lost voltage ends */
+        /* A current that would change its sign against the lost voltage ends: solve without it */
         if (bridge->hold > 0.0 && end->state.sea.I * mode.flow < 0.0) {
-            end->state.sea.I = 0.0;
+            current = mode.flow = 0;
+            continue;
         }
         if (!varies || (i > 0 && fabs(v - last) <= MEAN_END * fabs(v))) {
             break;

@@ -37,8 +37,7 @@ struct effects_flow {
     struct drive_flow of[EFFECTS_LAWS][2];
 };
 
-/* Computes the flows for a span of t seconds. Uses implicit Euler if the rotor oscillates too fast
- * for the parts. */
+/* Computes the flows for a span of t seconds, whose parts resolve the drive's oscillations. */
 void effects_flow_make(const struct effects_linear *linear, double t, struct effects_flow *flow);
 
 /* Constants of a span. */

@@ -5,6 +5,11 @@
  * predicted rate. The predicted rate has an error of order h^2, so the result has order 2 for any
  * slope. The slope used is the slope of spring, hysteresis and stop with a fixed rotor. It gives an
  * inertia that is never negative and keeps stiff springs stable.
+ *
+ * This is stable only if a stage resolves the oscillations of rotor, link and winding. All other
+ * drives are stiff. They take implicit Euler steps of a stage, as the link does
+ * (effects_step_implicit). The stage is solved again until the torque on the link is the torque of
+ * the drive at the solved rate.
  */
 #include "model/implicit/private.h"
 
@@ -138,10 +143,10 @@ bool implicit_revise_effects(struct plant *plant)
     const double *a = im->a + plant->config.robot->nv - plant->config.robot->njoint;
     bool revised = false;
 
-    if (im->revisions++ > REVISIONS) {
+    if (!plant->has_effects || im->revisions > REVISIONS) {
         return false;
     }
-    for (size_t d = 0; d < plant->ndrive && plant->has_effects; d++) {
+    for (size_t d = 0; d < plant->ndrive; d++) {
         struct effects_tangent *tangent = &im->effects_tangent[d], there = *tangent;
         const size_t j = plant->drive_joint[d];
         const double rate = plant_joint_rate(plant, im->base, j) + im->stage_h * a[j];
@@ -164,6 +169,7 @@ bool implicit_revise_effects(struct plant *plant)
         add_tangent(plant, d, 1.0);
         revised = true;
     }
+    im->revisions += revised;
     return revised;
 }
 
@@ -196,10 +202,10 @@ void implicit_linearize_effects(struct plant *plant, size_t d)
     im->extra[j] -= slope * h;
 }
 
-/* Advances a stiff drive through a span, and fills work with the integrals of its powers. The step
- * of the stage, scaled, leads to the base of the second stage. */
-static void advance_stiff(const struct plant *plant, size_t d, enum implicit_span span, double rate,
-                          struct effects_state *state, struct effects_power *work)
+/* Advances a stiff drive through a span. The step of the stage, scaled, leads to the base of the
+ * second stage. Writes the powers at the end. Returns the span's length, s. */
+static double advance_stiff(const struct plant *plant, size_t d, enum implicit_span span,
+                            double rate, struct effects_state *state, struct effects_power *power)
 {
     const struct implicit *im = plant->implicit;
     const struct robot_sea *sea = &plant->sea[d];
@@ -211,16 +217,14 @@ static void advance_stiff(const struct plant *plant, size_t d, enum implicit_spa
 
     effects_step_implicit(sea, &plant->bridge[d], h, q, rate, state, &end);
     mode = effects_find_mode(sea, &end.state, q + h * rate, rate, &plant->bridge[d]);
-    effects_power(sea, &end.state, q + h * rate, rate, &plant->bridge[d], &mode, work);
-    for (double *power = &work->electrical; power <= &work->hysteresis; power++) {
-        *power *= t;
-    }
+    effects_power(sea, &end.state, q + h * rate, rate, &plant->bridge[d], &mode, power);
     state->sea.qm += scale * (end.state.sea.qm - state->sea.qm);
     state->sea.qmd += scale * (end.state.sea.qmd - state->sea.qmd);
     state->sea.I += scale * (end.state.sea.I - state->sea.I);
     state->hysteresis += scale * (end.state.hysteresis - state->hysteresis);
     state->hysteresis = fmin(fmax(state->hysteresis, -limit), limit);
-    effects_warm(sea, work->joule, t, state);
+    effects_warm(sea, power->joule * t, t, state);
+    return t;
 }
 
 void implicit_advance_effects(struct plant *plant, size_t d, enum implicit_span span, double rate,
@@ -230,19 +234,20 @@ void implicit_advance_effects(struct plant *plant, size_t d, enum implicit_span 
     struct effects_span through = effect_span_of(plant, d, span, rate);
     struct effects_state effects = plant_effects_state(plant, state, d);
     struct effects_power done = {0};
+    double weight = 1.0;
 
     if (is_stiff(plant, d)) {
-        advance_stiff(plant, d, span, rate, &effects, &done);
+        weight = advance_stiff(plant, d, span, rate, &effects, &done);
     } else {
         effects_advance(&through, plant_joint_position(plant, state, plant->drive_joint[d]),
                         &effects, &done);
     }
     plant_effects_store(plant, d, &effects, state);
-    work[WORK_ELECTRICAL] += done.electrical;
-    work[WORK_JOULE] += done.joule;
-    work[WORK_FRICTION] += done.motor;
-    work[WORK_SPRING_DAMPING] += done.spring_damping;
-    work[WORK_GEAR] += done.gear;
-    work[WORK_HYSTERESIS] += done.hysteresis;
-    work[WORK_BRIDGE] += done.bridge;
+    work[WORK_ELECTRICAL] += weight * done.electrical;
+    work[WORK_JOULE] += weight * done.joule;
+    work[WORK_FRICTION] += weight * done.motor;
+    work[WORK_SPRING_DAMPING] += weight * done.spring_damping;
+    work[WORK_GEAR] += weight * done.gear;
+    work[WORK_HYSTERESIS] += weight * done.hysteresis;
+    work[WORK_BRIDGE] += weight * done.bridge;
 }

@@ -51,6 +51,11 @@
  * Impacts. At an impact, the rates of a pair, or of a joint at its stop, differ much between stage
  * and point. The step is then repeated in 4 or 16 parts. A step in which the robot's base spins
  * fast is repeated in 4 parts. The amount of work is bounded and deterministic.
+ *
+ * Passive drives. The scheme is dissipative for linear drives, but not at every event of friction
+ * and play. A plant that is one drive with effects and has no input repeats a step whose energy
+ * rises: first with the drive as a stiff drive, then in 16 implicit Euler steps, which are
+ * dissipative for monotone forces of any stiffness.
  */
 #include "model/implicit/implicit.h"
 
