@@ -463,8 +463,8 @@ static double solve_speed(const struct robot_sea *sea, const struct speed_equati
 }
 
 void effects_step_implicit(const struct robot_sea *sea, const struct effects_bridge *bridge,
-                           double h, double q, double qd, const struct effects_state *begin,
-                           struct effects_end *end)
+                           double h, double q, double qd, bool keeps_friction,
+                           const struct effects_state *begin, struct effects_end *end)
 {
     const struct robot_effects *effects = sea->effects;
     const double strength = magnet_strength(sea, begin->housing_c), Kt = strength * sea->Kt;
@@ -507,7 +507,7 @@ void effects_step_implicit(const struct robot_sea *sea, const struct effects_bri
         equation.ratio = gear_slope(sea, qm + 0.5 * h * v, 0.5 * h * v);
         cogging = cogging_torque(sea, qm + 0.5 * h * v, 0.5 * h * v);
         /* Friction by load may have no fixed point. Any friction is passive: keep the last one */
-        if (i < FRICTION_ITERATIONS) {
+        if (i < FRICTION_ITERATIONS && !keeps_friction) {
             carried = (struct effects_carried){.motor = Kt * end->state.sea.I,
                                                .external = -equation.ratio * end->torque};
             equation.friction = effects_friction(sea, v, &carried);

@@ -118,7 +118,7 @@ static void find_tangent(const struct plant *plant, size_t d, double rate,
 
     effects_step_implicit(&plant->sea[d], &plant->bridge[d], im->stage_h,
                           plant_joint_position(plant, im->base, plant->drive_joint[d]), rate,
-                          &begin, &end);
+                          im->scheme == EFFECTS_EULER, &begin, &end);
     tangent->rate = rate;
     tangent->torque = end.torque;
     tangent->slope = end.slope;
@@ -215,7 +215,8 @@ static double advance_stiff(const struct plant *plant, size_t d, enum implicit_s
     struct effects_end end;
     struct effects_mode mode;
 
-    effects_step_implicit(sea, &plant->bridge[d], h, q, rate, state, &end);
+    effects_step_implicit(sea, &plant->bridge[d], h, q, rate, im->scheme == EFFECTS_EULER, state,
+                          &end);
     mode = effects_find_mode(sea, &end.state, q + h * rate, rate, &plant->bridge[d]);
     effects_power(sea, &end.state, q + h * rate, rate, &plant->bridge[d], &mode, power);
     state->sea.qm += scale * (end.state.sea.qm - state->sea.qm);
