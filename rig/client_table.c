@@ -7,6 +7,8 @@
 #include "base/portable_math.h"
 #include "boards/cia402/protocol.h"
 #include "boards/described/protocol.h"
+#include "boards/foc/protocol.h"
+#include "boards/icub/protocol.h"
 #include "boards/moteus/protocol.h"
 #include "boards/protocol.h"
 #include "rig/dbc.h"
@@ -92,43 +94,11 @@ static const char *dbc_whole_name(const char *name, const char *long_name)
     return long_name ? long_name : name;
 }
 
-/* Returns the kind of a board's message: its name without the names of the board and the number. */
-static void table_find_kind(const struct client_table *t, const struct dbc_message *message,
-                            char kind[64])
+static bool text_ends(const char *text, const char *end)
 {
-    const struct dbc_node *node = &t->dbc->node[message->sender];
-    const char *sender = dbc_whole_name(node->name, node->long_name);
-    const char *name = dbc_whole_name(message->name, message->long_name);
-    const size_t length = strlen(sender);
-    size_t size;
+    const size_t length = strlen(text), size = strlen(end);
 
-    name += !strncmp(name, sender, length) && name[length] == '_' ? length + 1 : 0;
-    size = strlen(name);
-    while (size > 1 && name[size - 1] >= '0' && name[size - 1] <= '9') {
-        size--;
-    }
-    size = name[size] && name[size - 1] == '_' ? size - 1 : strlen(name);
-    snprintf(kind, 64, "%.*s", (int)size, name);
-}
-
-/* Returns the name of a signal without its joint. */
-static const char *signal_quantity(const struct dbc_signal *signal)
-{
-    const char *whole = dbc_whole_name(signal->name, signal->long_name), *name = whole;
-    const char *about = signal->comment;
-
-    name += *name == '_' && *about >= '0' && *about <= '9';
-    for (; *about; about++, name++) {
-        const char letter = (*about >= 'a' && *about <= 'z') || (*about >= 'A' && *about <= 'Z') ||
-                                    (*about >= '0' && *about <= '9')
-                                ? *about
-                                : '_';
-
-        if (*name != letter) {
-            return whole;
-        }
-    }
-    return *name == '_' ? name + 1 : whole;
+    return length >= size && !strcmp(text + length - size, end);
 }
 
 /* Returns the value of a signal's unit in SI units. */
@@ -161,38 +131,47 @@ static const struct board_config *table_find_board(const struct client_table *t,
 
 static const char *const components[] = {"fx", "fy", "fz", "mx", "my", "mz"};
 
-/* Returns the quantity of a client that a board's signal reports, NULL = none. */
-static const char *table_find_quantity(const char *kind, const struct dbc_signal *signal)
+/* Returns the quantity of a client that a board's signal reports, NULL = none. The names begin with
+ * those of the board and the joint, and the message's may end with the number of the axis. */
+static const char *table_find_quantity(const struct dbc_message *message,
+                                       const struct dbc_signal *signal)
 {
-    static const char *const quantities[][2] = {
-        {"POSITION:position", "position"},
-        {"MOTOR_POSITION:position", "motor_position"},
-        {"CURRENT:current", "current"},
-        {"STATUS:mode", "mode"},
-        {"STATUS:fault", "faults"},
-        {"FORCE:torque", "torque"},
-        {"TORQUE:torque", "torque"},
-        {"FOC:position", "motor_position"},
-        {"FOC:velocity", "motor_velocity"},
-        {"FOC:current", "current"},
-        {"STATUS:faults", "faults"},
-        {"TELEMETRY:motor_encoder", "motor_position"},
-        {"TELEMETRY:deflection", "deflection"},
-        {"TELEMETRY:spring_torque", "torque"},
-        {"STATUS:statusword", "mode"},
-        {"REPLY:mode", "mode"},
-        {"REPLY:position", "motor_position"},
-        {"REPLY:velocity", "motor_velocity"},
-        {"REPLY:torque", "torque"},
-        {"REPLY:abs_position", "position_in_turn"},
-        {"REPLY:fault", "faults"},
+    static const struct {
+        const char *message, *signal, *quantity;
+    } rows[] = {
+        {"_MOTOR_POSITION", "_position", "motor_position"},
+        {"_POSITION", "_position", "position"},
+        {"_CURRENT", "_current", "current"},
+        {"_STATUS", "_mode", "mode"},
+        {"_STATUS", "_statusword", "mode"},
+        {"_STATUS", "_fault", "faults"},
+        {"_STATUS", "_faults", "faults"},
+        {"_FORCE", "_torque", "torque"},
+        {"_TORQUE", "_torque", "torque"},
+        {"_FOC", "_position", "motor_position"},
+        {"_FOC", "_velocity", "motor_velocity"},
+        {"_FOC", "_current", "current"},
+        {"_TELEMETRY", "_motor_encoder", "motor_position"},
+        {"_TELEMETRY", "_deflection", "deflection"},
+        {"_TELEMETRY", "_spring_torque", "torque"},
+        {"_REPLY", "_abs_position", "position_in_turn"},
+        {"_REPLY", "_mode", "mode"},
+        {"_REPLY", "_position", "motor_position"},
+        {"_REPLY", "_velocity", "motor_velocity"},
+        {"_REPLY", "_torque", "torque"},
+        {"_REPLY", "_fault", "faults"},
     };
-    char key[128];
+    char kind[128];
+    size_t size = (size_t)snprintf(kind, sizeof kind, "%s",
+                                   dbc_whole_name(message->name, message->long_name));
 
-    snprintf(key, sizeof key, "%s:%s", kind, signal_quantity(signal));
-    for (size_t i = 0; i < ARRAY_COUNT(quantities); i++) {
-        if (!strcmp(quantities[i][0], key)) {
-            return quantities[i][1];
+    if (size > 2 && kind[size - 2] == '_' && kind[size - 1] <= '9') {
+        kind[size - 2] = '\0';
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
+        if (text_ends(kind, rows[i].message) &&
+            text_ends(dbc_whole_name(signal->name, signal->long_name), rows[i].signal)) {
+            return rows[i].quantity;
         }
     }
     return NULL;
@@ -206,19 +185,17 @@ static void table_put_signals(struct client_table *t)
     for (const struct dbc_message *m = t->dbc->message; m; m = m->next) {
         const struct board_config *board = table_find_board(t, m->sender);
         bool written = false;
-        char kind[64];
 
         for (const struct dbc_signal *s = m->signal; board && s; s = s->next) {
             const char *name = s->comment, *quantity = NULL;
 
-            table_find_kind(t, m, kind);
             if (board->kind == BOARD_FT && s->role == DBC_PLAIN) {
                 name = t->rig->robot->ft[board->ft].name;
                 for (size_t i = 0; i < ARRAY_COUNT(components); i++) {
                     quantity = !strcmp(s->name, components[i]) ? s->name : quantity;
                 }
             } else if (s->comment && s->role == DBC_PLAIN) {
-                quantity = table_find_quantity(kind, s);
+                quantity = table_find_quantity(m, s);
             }
             if (!quantity) {
                 continue;
@@ -249,152 +226,59 @@ static void table_put_signals(struct client_table *t)
 
 /* ---- icub and foc ---- */
 
-/* Finds the command of a joint's board whose signal begins with a text. Returns the frame with the
- * signal 0. */
-static const struct dbc_signal *table_find_command(const struct client_table *t, const char *joint,
-                                                   const char *begin, struct bus_frame *frame)
+/* Writes how an axis of an icub board, or of a foc board, is switched and commanded, and how its
+ * gains are read. foc: number of the frame that has the targets of all foc boards; -1 = icub. */
+static void icub_put_axis(struct client_table *t, const struct board_config *board, unsigned k,
+                          int foc)
 {
-    for (const struct dbc_message *m = t->dbc->message; m; m = m->next) {
-        for (const struct dbc_signal *s = m->signal; m->sender == 0 && s; s = s->next) {
-            if (s->comment && !strcmp(s->comment, joint) &&
-                !strncmp(signal_quantity(s), begin, strlen(begin))) {
-                *frame = (struct bus_frame){.id = m->id,
-                                            .len = s->frame_length ? s->frame_length : m->length};
-                if (s->role == DBC_MULTIPLEXED) {
-                    frame->data[0] = (uint8_t)s->selector;
-                }
-                return s;
-            }
-        }
-    }
-    return NULL;
-}
-
-/* Writes the commands that switch a motor to the modes of icub, which foc boards share. */
-static void icub_put_switches(struct client_table *t, const char *joint)
-{
-    static const struct {
-        const char *quantity, *mode;
-    } rows[] = {{"off", "force_idle"},
-                {"voltage", "open_loop"},
-                {"current", "current"},
-                {"position", "direct"}};
-    struct bus_frame frame;
-    const struct dbc_signal *mode = table_find_command(t, joint, "SET_CONTROL_MODE_mode", &frame);
-
-    for (size_t i = 0; mode && i < ARRAY_COUNT(rows); i++) {
-        const struct dbc_value *value = mode->value;
-
-        while (value && strcmp(value->text, rows[i].mode) != 0) {
-            value = value->next;
-        }
-        if (value) {
-            frame.data[1] = (uint8_t)value->number;
-            table_put_switch(t, joint, rows[i].quantity, 0, table_put_frame(t, &frame));
-        }
-    }
-}
-
-/* Writes a set point of a DBC signal. scale: of a count, in SI units. */
-static void signal_put_set(struct client_table *t, const char *joint, const char *quantity,
-                           int frame, const struct dbc_signal *signal, double scale, double most,
-                           const char *mode)
-{
-    fprintf(t->out, "set %s %s %d", joint, quantity, frame);
-    signal_put_place(signal, t->out);
-    fprintf(t->out, " %.17g 0 %.17g %.17g %s\n", scale, -most, most, mode);
-}
-
-/* Writes the question for the gains of a loop, and the answer's fields. */
-static void icub_put_gains(struct client_table *t, const char *joint, const char *quantity,
-                           const char *loop, unsigned axis_bit)
-{
-    const struct dbc_signal *gain[3] = {NULL};
-    const struct dbc_message *reply = t->dbc->message;
-    struct bus_frame ask;
-    int frame;
-
-    if (!table_find_command(t, joint, "SET_CONTROL_MODE_mode", &ask)) {
-        return;
-    }
-    /* The answer comes from the address to which the question goes */
-    for (const struct dbc_message *m = reply; m && !gain[2]; m = m->next) {
-        reply = m;
-        for (int k = 0; k < 3 && reply->sender >= 2 && (reply->id >> 4 & 0xf) == (ask.id & 0xf);
-             k++) {
-            char name[DBC_NAME_MAX + 1];
-
-            snprintf(name, sizeof name, "GET_%s_PID_k%c_%d", loop, "pid"[k], axis_bit != 0);
-            gain[k] = dbc_find_signal(reply, name);
-        }
-    }
-    if (!gain[2]) {
-        return;
-    }
-    ask.len = 1;
-    ask.data[0] = (uint8_t)gain[0]->selector;
-    frame = table_put_frame(t, &ask);
-    fprintf(t->out, "ask %s %s %d\n", joint, quantity, frame);
-    table_put_head(t, "report", reply->id, 0);
-    fprintf(t->out, " 0 1FFFFFFF ff %02x\n", ask.data[0]);
-    for (int k = 0; k < 3; k++) {
-        fprintf(t->out, "value %s %s_gain %d", joint, quantity, t->reports);
-        fprintf(t->out, " %u|%u@1- 1 0\n", gain[k]->start, gain[k]->bits);
-    }
-    t->reports++;
-}
-
-/* Writes the set points of an axis of an icub motor board. */
-static void icub_put_axis(struct client_table *t, const char *joint)
-{
-    static const struct {
-        const char *quantity, *begin, *mode, *loop;
-        double most;
-    } rows[] = {
-        {"voltage", "SET_OPEN_LOOP_pwm", "open_loop", NULL, 0.0},
-        {"current", "SET_DESIRED_TORQUE_torq", "current", "CURRENT", 1e300},
-        {"position", "SET_COMMAND_POSITION_p", "direct", "POSITION", 1e300},
-    };
+    const char *joint = table_joint(t, &board->axis[k]);
     const double supply_v = t->rig->supply_v;
+    const uint8_t bit = k ? ICUB_AXIS_BIT : 0;
+    const struct {
+        const char *quantity, *mode;
+        uint8_t value, command, gains, bits;
+        double scale, most;
+    } rows[] = {
+        {"off", "", ICUB_MODE_FORCE_IDLE, 0, 0, 0, 0.0, 0.0},
+        {"voltage", "open_loop", ICUB_MODE_OPEN_LOOP, ICUB_SET_OPEN_LOOP, 0, 16,
+         supply_v / (foc < 0 ? ICUB_PWM_FULL_SCALE : FOC_PWM_FULL_SCALE), supply_v},
+        {"current", "current", ICUB_MODE_CURRENT, ICUB_SET_DESIRED_TORQUE, ICUB_GET_CURRENT_PID, 32,
+         1e-3, 1e300},
+        {"position", "direct", ICUB_MODE_DIRECT, ICUB_SET_COMMAND_POSITION, ICUB_GET_POSITION_PID,
+         32, 1.0 / board->axis[k].joint_ticks_per_rad, 1e300},
+    };
 
-    icub_put_switches(t, joint);
-    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
-        struct bus_frame frame;
-        const struct dbc_signal *signal = table_find_command(t, joint, rows[i].begin, &frame);
+    for (size_t i = 0; i < ARRAY_COUNT(rows) - (foc < 0 ? 0 : 1); i++) {
+        struct bus_frame frame = {.id = icub_id(ICUB_POLLING_MOTOR, ICUB_HOST, board->address),
+                                  .len = 2,
+                                  .data = {ICUB_SET_CONTROL_MODE | bit, rows[i].value}};
+        int number = table_put_frame(t, &frame);
 
-        if (!signal) {
+        table_put_switch(t, joint, rows[i].quantity, 0, number);
+        if (i == 0) {
             continue;
         }
-        /* The DBC has PWM in % of the supply, and currents as bare counts of 1 mA */
-        signal_put_set(t, joint, rows[i].quantity, table_put_frame(t, &frame), signal,
-                       i == 0   ? signal->scale * supply_v / 100.0
-                       : i == 1 ? 1e-3
-                                : signal->scale,
-                       i == 0 ? supply_v : rows[i].most, rows[i].mode);
-        if (rows[i].loop) {
-            icub_put_gains(t, joint, rows[i].quantity, rows[i].loop, frame.data[0] & 0x80);
+        frame.data[0] = rows[i].command | bit;
+        frame.data[1] = 0;
+        frame.len = (uint8_t)(1 + rows[i].bits / 8);
+        number = foc < 0 ? table_put_frame(t, &frame) : foc;
+        fprintf(t->out, "set %s %s %d %u|%d@1- %.17g 0 %.17g %.17g %s\n", joint, rows[i].quantity,
+                number, foc < 0 ? 8 : 16u * (board->address - 1u), foc < 0 ? rows[i].bits : 16,
+                rows[i].scale, -rows[i].most, rows[i].most, rows[i].mode);
+        if (foc >= 0 || !rows[i].gains) {
+            continue;
         }
-    }
-}
-
-/* Writes the set points of a foc motor. One frame has the targets of all boards. Its counts are mA,
- * or those of the PWM in STATUS. */
-static void foc_put_axis(struct client_table *t, const char *joint, int *targets)
-{
-    struct bus_frame frame;
-    const struct dbc_signal *target = table_find_command(t, joint, "target", &frame);
-    const double supply_v = t->rig->supply_v;
-
-    icub_put_switches(t, joint);
-    for (const struct dbc_message *m = t->dbc->message; m && target; m = m->next) {
-        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
-            if (s->comment && !strcmp(s->comment, joint) && !strcmp(signal_quantity(s), "pwm")) {
-                *targets = *targets < 0 ? table_put_frame(t, &frame) : *targets;
-                signal_put_set(t, joint, "voltage", *targets, target, s->scale * supply_v / 100.0,
-                               supply_v, "open_loop");
-                signal_put_set(t, joint, "current", *targets, target, 1e-3, 1e300, "current");
-            }
+        frame.data[0] = rows[i].gains | bit;
+        frame.len = 1;
+        number = table_put_frame(t, &frame);
+        fprintf(t->out, "ask %s %s %d\n", joint, rows[i].quantity, number);
+        table_put_head(t, "report", icub_id(ICUB_POLLING_MOTOR, board->address, ICUB_HOST), 0);
+        fprintf(t->out, " 0 1FFFFFFF ff %02x\n", frame.data[0]);
+        for (int gain = 0; gain < 3; gain++) {
+            fprintf(t->out, "value %s %s_gain %d %d|16@1- 1 0\n", joint, rows[i].quantity,
+                    t->reports, 8 + 16 * gain);
         }
+        t->reports++;
     }
 }
 
@@ -1110,6 +994,11 @@ static void table_put_joints(struct client_table *t)
     const struct protocol *protocol = t->rig->bus[t->bus].protocol;
     int targets = -1;
 
+    if (!strcmp(protocol->name, "foc")) {
+        const struct bus_frame frame = {.id = FOC_DESIRED_TARGETS_ID, .len = FOC_TARGETS_LENGTH};
+
+        targets = table_put_frame(t, &frame);
+    }
     for (size_t i = 0; i < t->rig->boards.nboard; i++) {
         const struct board_config *board = &t->rig->boards.board[i];
         unsigned axes = BOARD_AXES_MAX;
@@ -1129,10 +1018,8 @@ static void table_put_joints(struct client_table *t)
             }
             if (!strcmp(protocol->name, "moteus")) {
                 moteus_put_axis(t, table_joint(t, &board->axis[k]), board->address);
-            } else if (!strcmp(protocol->name, "foc")) {
-                foc_put_axis(t, table_joint(t, &board->axis[k]), &targets);
-            } else if (!strcmp(protocol->name, "icub")) {
-                icub_put_axis(t, table_joint(t, &board->axis[k]));
+            } else if (!t->rig->bus[t->bus].described && strcmp(protocol->name, "cia402") != 0) {
+                icub_put_axis(t, board, k, targets);
             }
         }
     }
