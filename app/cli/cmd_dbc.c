@@ -70,7 +70,9 @@ static enum error_code export_table(const struct rig *rig, const char *folder, s
     struct whole_file file;
     enum error_code code;
 
-    snprintf(path, sizeof path, "%s/%s.joints", folder, rig->name);
+    if (snprintf(path, sizeof path, "%s/%s.joints", folder, rig->name) >= PATH_SIZE) {
+        return error_set(error, ERROR_INPUT, "--output: the folder's name is too long");
+    }
     code = whole_file_open(&file, path, error);
     if (code) {
         return code;
@@ -83,20 +85,18 @@ static enum error_code export_table(const struct rig *rig, const char *folder, s
 static enum error_code export_all(const struct rig *rig, const char *folder, struct arena *arena,
                                   struct error *error)
 {
-    for (size_t i = 0; i < rig->nbus; i++) {
+    enum error_code code = export_table(rig, folder, error);
+
+    for (size_t i = 0; i < rig->nbus && !code; i++) {
         char path[PATH_SIZE];
-        enum error_code code;
 
         if (snprintf(path, sizeof path, "%s/%s-%s.dbc", folder, rig->name, rig->bus[i].name) >=
             PATH_SIZE) {
             return error_set(error, ERROR_INPUT, "--output: the folder's name is too long");
         }
         code = export_bus(rig, i, path, arena, error);
-        if (code) {
-            return code;
-        }
     }
-    return export_table(rig, folder, error);
+    return code;
 }
 
 struct dbc_options {
