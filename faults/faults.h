@@ -89,6 +89,10 @@ enum fault_kind {
     FAULT_LEAK,
     FAULT_PUMP_LOSS,   /* hydraulic supply: the pump delivers less */
     FAULT_RELIEF_SHUT, /* hydraulic supply: the relief valve does not open */
+    FAULT_SURGE,       /* supply: the voltage rises by a value in V */
+    /* motors: a sensor of the drive reads far too much; becomes FAULT_WRONG of the sensor */
+    FAULT_OVER_TEMPERATURE,
+    FAULT_OVER_CURRENT,
 };
 
 enum { FAULT_NAME_SIZE = 64, FAULT_TEXT_SIZE = 160, FAULT_PARAMETERS = 2, FAULTS_MAX = 256 };

@@ -60,6 +60,9 @@ const struct fault_rule fault_rules[FAULT_RULES] = {
     RULE(MOTOR, SHORT, "short", "the winding is short-circuited and brakes", false, {0}),
     RULE(MOTOR, JAM, "jam", "the rotor is locked", false, {0}),
     RULE(MOTOR, SPRING_BREAK, "spring_break", "the series spring transmits no torque", false, {0}),
+    RULE(MOTOR, OVER_TEMPERATURE, "over_temperature", "its drive reads a winding of 200 degree C",
+         false, {0}),
+    RULE(MOTOR, OVER_CURRENT, "over_current", "its drive reads 1000 A", false, {0}),
 
     RULE(BUS, LOSS, "loss", "frames are lost", false, PROBABILITY),
     RULE(BUS, CORRUPTION, "corruption", "a data bit is flipped, undetected by the CRC", false,
@@ -72,6 +75,8 @@ const struct fault_rule fault_rules[FAULT_RULES] = {
          true, {"p", "of the frames", 0.0, 1.0, false, 1.0}),
 
     RULE(SUPPLY, SAG, "sag", "the supply voltage drops by so much", false,
+         {"volts", "V", 0.0, 1e4, true, 0.0}),
+    RULE(SUPPLY, SURGE, "surge", "the supply voltage rises by so much", false,
          {"volts", "V", 0.0, 1e4, true, 0.0}),
 
     RULE(VALVE, OFF, "off", "no current; its spool goes to the middle", false, {0}),

@@ -8,7 +8,7 @@
 
 #include "faults/faults.h"
 
-enum { FAULT_RULES = 33, FAULT_TARGETS = 7 };
+enum { FAULT_RULES = 36, FAULT_TARGETS = 7 };
 
 /* A parameter of a kind. key is NULL in unused entries. The parser refuses values outside [min,
  * max]. */

@@ -9,6 +9,10 @@
 
 enum { WORDS_MAX = 8, NAMES_MAX = 512, WORD_SIZE = 64 };
 
+/* Readings of a motor's sensor under over_temperature and over_current; beyond every limit */
+#define HOT_C 200.0
+#define LARGE_A 1000.0
+
 struct fault_reader {
     const char *line;
     char buffer[FAULT_TEXT_SIZE];
@@ -408,6 +412,22 @@ static enum error_code fault_read_parameters(struct fault_reader *r, const struc
     return ERROR_NONE;
 }
 
+/* Turns a motor's fault that its drive measures into the fault of a sensor with a fixed reading. */
+static void fault_read_as_sensor(struct fault *fault)
+{
+    const bool hot = fault->kind == FAULT_OVER_TEMPERATURE;
+
+    if (hot || fault->kind == FAULT_OVER_CURRENT) {
+        fault->target = FAULT_SENSOR;
+        fault->channels = 1;
+        fault->index =
+            fault->index * SENSOR_JOINT_CHANNELS + (hot ? SENSOR_TEMPERATURE : SENSOR_CURRENT);
+        fault->kind = FAULT_WRONG;
+        fault->value[0] = 0.0;
+        fault->value[1] = hot ? HOT_C : LARGE_A;
+    }
+}
+
 enum error_code fault_parse(const char *text, const struct fault_names *names, struct fault *fault,
                             struct error *error)
 {
@@ -426,6 +446,7 @@ enum error_code fault_parse(const char *text, const struct fault_names *names, s
         (code = fault_read_parameters(&r, rule, fault))) {
         return code;
     }
+    fault_read_as_sensor(fault);
     snprintf(fault->text, sizeof fault->text, "%s", text);
     return ERROR_NONE;
 }

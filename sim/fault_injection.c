@@ -238,7 +238,8 @@ void fault_injection_step(struct fault_injection *injection, int64_t now_ns)
         if (fault->active && fault->target == FAULT_MOTOR) {
             command->motor[fault->index].condition |= fault_drive_condition(fault->kind);
         } else if (fault->active && fault->target == FAULT_SUPPLY) {
-            command->supply_sag_v += fault->value[0];
+            command->supply_sag_v +=
+                fault->kind == FAULT_SURGE ? -fault->value[0] : fault->value[0];
         } else if (fault->active && fault->target == FAULT_VALVE) {
             break_valve(fault, pressure, &command->motor[fault->index]);
         } else if (fault->active && fault->target == FAULT_HYDRAULIC_SUPPLY) {

@@ -63,6 +63,21 @@ TEST(sensors_are_numbered_through)
     assert_int_equal(fault.channels, 13);
 }
 
+TEST(what_a_drive_measures_is_a_fault_of_its_sensor)
+{
+    struct fault fault = parse("motor LKneeSag over_temperature 3..");
+
+    assert_int_equal(fault.target, FAULT_SENSOR);
+    assert_int_equal(fault.kind, FAULT_WRONG);
+    assert_int_equal(fault.index, SENSOR_JOINT_CHANNELS + SENSOR_TEMPERATURE);
+    assert_int_equal(fault.channels, 1);
+    assert_true(fault.value[0] == 0.0);
+    assert_true(fault.value[1] == 200.0);
+    fault = parse("motor LKneeSag over_current");
+    assert_int_equal(fault.index, SENSOR_JOINT_CHANNELS + SENSOR_CURRENT);
+    assert_true(fault.value[1] == 1000.0);
+}
+
 TEST(boards_have_a_name_or_an_address)
 {
     assert_int_equal(parse("board left_leg/0x01 off").index, 0);
