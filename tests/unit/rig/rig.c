@@ -399,8 +399,8 @@ TEST_WITH(rejects_an_address_twice_on_a_bus, open_rig_tree, close_rig_tree)
                  "has it)");
     refused_with("address: 0x0c", "address: 15",
                  "32:33: found address 15, expected 1 to 14 with protocol icub");
-    refused_with("address: 0x0c", "address: 32",
-                 "32:33: found 32, expected an integer from 1 to 31");
+    refused_with("address: 0x0c", "address: 255",
+                 "32:33: found 255, expected an integer from 1 to 254");
 }
 
 TEST_WITH(rejects_a_joint_driven_twice_or_not_at_all, open_rig_tree, close_rig_tree)
