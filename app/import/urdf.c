@@ -414,10 +414,6 @@ static void urdf_read_joint(const struct import_reader *r, const xmlNode *node)
                    "found damping %g, friction %g of joint \"%.63s\", expected 0 or more",
                    joint->damping, joint->friction, joint->name);
     }
-    if (xml_child(node, "safety_controller") && joint->type != IMPORT_FIXED) {
-        reader_note(r, IMPORT_DROPPED, node,
-                    "soft limits of the safety controller of joint \"%.63s\"", joint->name);
-    }
 }
 
 /* ---- sensors ---- */
@@ -441,6 +437,12 @@ static void sensor_turn(const struct import_reader *r, const xmlNode *force_torq
 
     if (!strncmp(frame, "parent", 6)) {
         mat3_transpose(joint->place.R, sensor->place.R);
+        if (joint->type != IMPORT_FIXED) {
+            reader_note(r, IMPORT_CHANGED, force_torque,
+                        "force-torque sensor \"%.63s\" in a joint that moves has the parent's axes "
+                        "at 0, and turns with the child",
+                        sensor->name);
+        }
     } else if (strncmp(frame, "sensor", 6) != 0) {
         mat3_identity(sensor->place.R);
     }
@@ -594,8 +596,6 @@ static void urdf_read_gazebo(const struct import_reader *r, const xmlNode *node)
 /* Reads links and joints first, then the elements that refer to them. */
 static void urdf_read_elements(const struct import_reader *r)
 {
-    /* Elements that other functions read, or that have no effect on the dynamics */
-    static const char *const known[] = {"link", "joint", "material", "group", "version", NULL};
     const xmlNode *root = r->file->root;
 
     for (const xmlNode *node = xml_child(root, NULL); node; node = xml_next(node, NULL)) {
@@ -612,12 +612,37 @@ static void urdf_read_elements(const struct import_reader *r)
             urdf_read_gazebo(r, node);
         } else if (xml_is(node, "sensor")) {
             urdf_read_sensor(r, node, NULL);
-        } else if (!reader_is_one_of(node, known)) {
-            reader_note(r, IMPORT_DROPPED, node, "element <%.63s>: nothing here knows it",
-                        (const char *)node->name);
         }
     }
 }
+
+/* What the functions above read. Elements with NULL have notes of their own, or no effect. */
+static const struct reader_row urdf_attributes[] = {
+    {"robot", "version"},
+    {"link", ""},
+    {"inertial", ""},
+    {"origin", "xyz rpy"},
+    {"mass", "value"},
+    {"inertia", "ixx ixy ixz iyy iyz izz"},
+    {"visual", ""},
+    {"collision", ""},
+    {"geometry", NULL},
+    {"material", ""},
+    {"color", "rgba"},
+    {"joint", "type"},
+    {"parent", "link"},
+    {"child", "link"},
+    {"axis", "xyz"},
+    {"limit", "lower upper effort velocity"},
+    {"dynamics", "damping friction"},
+    {"mimic", "joint multiplier offset"},
+    {"transmission", NULL},
+    {"gazebo", NULL},
+    {"sensor", NULL},
+    {"group", NULL},
+    {"version", NULL},
+    {0},
+};
 
 /* ---- names ---- */
 
@@ -676,6 +701,7 @@ enum error_code urdf_read(const struct xml_file *file, struct arena *arena,
         .file = file, .arena = arena, .model = model, .notes = notes, .error = error};
 
     *model = (struct import_model){.file = reader_copy(&r, file->name)};
+    r.unread = reader_alloc(&r, 1, sizeof *r.unread);
     xml_check_elements(file);
     urdf_check_root(&r);
     model->name = urdf_need_text(&r, file->root, "name");
@@ -684,6 +710,7 @@ enum error_code urdf_read(const struct xml_file *file, struct arena *arena,
     if (!error->code) {
         urdf_read_elements(&r);
         urdf_resolve_names(&r);
+        reader_report(&r, urdf_attributes);
     }
     return error->code;
 }

@@ -849,6 +849,7 @@ class Urdf {
       const frame = d.of([undefined, 'child', 'parent', 'sensor'])
       const measure = d.of([undefined, 'child_to_parent', 'parent_to_child'])
       this.features.add('urdf force-torque sensor')
+      this.ft = { frame, measure }
       this.w.open('gazebo', { reference: `j${count}` })
       this.w.open('sensor', { name: 'wrist', type: 'force_torque' })
       this.w.open('force_torque')
@@ -873,7 +874,7 @@ class Urdf {
       this.w.shut('transmission')
     }
     this.w.shut('robot')
-    return { text: this.w.lines.join('\n') + '\n', features: [...this.features], refused: null }
+    return { text: this.w.lines.join('\n') + '\n', features: [...this.features], refused: null, ft: this.ft }
   }
 }
 

@@ -257,6 +257,24 @@ function lend(m, data, robot, state) {
   }
 }
 
+// A force-torque sensor in the last joint has the axes of the child or, at 0, of the parent; the
+// report says so where the joint moves. Its sign is that of child to parent, or in the report.
+function compareForceTorque(m, data, robot, file) {
+  const id = mujoco.mj_name2id(m, BODY, 'end')
+  const says = (words) => robot.notes.some(([, , note]) => note.text.includes('"wrist"') && note.text.includes(words))
+  const frame = robot.frames[robot.ft[0]?.frame]
+  if (!frame || robot.ft[0].name !== 'wrist') {
+    differ('sensors', file, NaN, 'no force-torque sensor "wrist"')
+    return
+  }
+  differ('sensors', file, apart(frame.p, data.xpos.slice(3 * id, 3 * id + 3)), 'place of the force-torque sensor')
+  if (file.ft.frame !== 'parent') {
+    differ('sensors', file, apart(frame.R, data.xmat.slice(9 * id, 9 * id + 9)), 'axes of the force-torque sensor')
+  }
+  differ('sensors', file, (file.ft.frame === 'parent') === says('parent\'s axes at 0') ? 0 : NaN, 'report of its axes')
+  differ('sensors', file, (file.ft.measure === 'parent_to_child') === says('opposite') ? 0 : NaN, 'report of its signs')
+}
+
 function compareDynamics(m, data, robot, file) {
   const first = robot.states[0]
   pose(m, data, robot, first)
@@ -290,6 +308,9 @@ function compareDynamics(m, data, robot, file) {
       differ('sensors', file, apart(frame.p, data.site_xpos.slice(3 * id, 3 * id + 3)), 'place of the inertial sensor')
       differ('sensors', file, apart(frame.R, data.site_xmat.slice(9 * id, 9 * id + 9)), 'axes of the inertial sensor')
     }
+  }
+  if (file.ft) {
+    compareForceTorque(m, data, robot, file)
   }
   if (wrong) {
     return
@@ -480,9 +501,18 @@ const TAKEN = {
 for (const kind of ['position', 'velocity', 'damper', 'intvelocity', 'cylinder']) {
   TAKEN[kind] = TAKEN.motor
 }
+const TAKEN_URDF = {
+  robot: 'name', link: 'name', inertial: '-', origin: 'xyz rpy', mass: 'value', inertia: 'ixx ixy ixz iyy iyz izz',
+  visual: '-', collision: '-', geometry: '-', box: 'size', sphere: 'radius', cylinder: 'radius length',
+  mesh: 'filename scale', material: 'name', color: 'rgba', joint: 'name type', parent: 'link', child: 'link',
+  axis: 'xyz', limit: 'lower upper effort velocity', dynamics: 'damping friction', mimic: 'joint multiplier offset',
+  gazebo: 'reference', sensor: 'name type', force_torque: '-', frame: '-', measure_direction: '-',
+  transmission: 'name', type: '-', actuator: 'name', mechanicalReduction: '-',
+}
 const SECTIONS = new Set(['worldbody', 'asset', 'actuator', 'keyframe', 'sensor', 'default', 'equality'])
 
 function compareReport(robot, file) {
+  const taken = file.mjcf ? TAKEN : TAKEN_URDF
   const texts = robot.notes.map(([, , note]) => note.text)
   const lists = (element, attribute) =>
     texts.some((text) => text.includes(`<${element}>`) && (!attribute || new RegExp(`(^|[ ,"])${attribute}([ ,:"]|$)`).test(text)))
@@ -497,15 +527,15 @@ function compareReport(robot, file) {
       inside.pop()
       continue
     }
-    const covered = inside.some((above) => !SECTIONS.has(above) && !TAKEN[above] && whole(above))
-    if (!covered && !SECTIONS.has(element) && !TAKEN[element] && !whole(element) && !lists(element)) {
+    const covered = inside.some((above) => !SECTIONS.has(above) && !taken[above] && whole(above))
+    if (!covered && !SECTIONS.has(element) && !taken[element] && !whole(element) && !lists(element)) {
       differ('report', file, NaN, `<${element}> is not in the report`)
     }
     for (const [, attribute] of words.matchAll(/ ([a-z_0-9]+)="/gi)) {
-      if (!covered && TAKEN[element] && !TAKEN[element].split(' ').includes(attribute) && !whole(element) && !lists(element, attribute)) {
+      if (!covered && taken[element] && !taken[element].split(' ').includes(attribute) && !whole(element) && !lists(element, attribute)) {
         differ('report', file, NaN, `${attribute} of <${element}> is not in the report`)
       }
-      if (TAKEN[element]?.split(' ').includes(attribute) && texts.some((text) => text.includes(`of <${element}>`) && new RegExp(`[" ,]${attribute}[" ,]`).test(text.split(` of <${element}>`)[0]))) {
+      if (taken[element]?.split(' ').includes(attribute) && texts.some((text) => text.includes(`of <${element}>`) && new RegExp(`[" ,]${attribute}[" ,]`).test(text.split(` of <${element}>`)[0]))) {
         differ('report', file, NaN, `${attribute} of <${element}> is taken and in the report`)
       }
     }
@@ -607,9 +637,7 @@ function compare(file, robot) {
     comparePoses(m, robot, file)
     compareCouplings(m, robot, file)
     compareDynamics(m, data, robot, file)
-    if (file.mjcf) {
-      compareReport(robot, file)
-    }
+    compareReport(robot, file)
   }
   data.delete()
   m.delete()
