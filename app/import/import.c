@@ -8,6 +8,7 @@
 #include "app/import/write.h"
 #include "base/array.h"
 #include "base/whole_file.h"
+#include "boards/described/protocol.h"
 #include "rig/rig.h"
 
 #include <ctype.h>
@@ -48,6 +49,7 @@ struct importer {
     struct import_copy *copy;
     size_t ncopy;
     double supply_v;           /* supply voltage of the drives */
+    double reach;              /* largest angle that its boards report, rad */
     bool made[IMPORT_FOLDERS]; /* folders that this import has made */
 };
 
@@ -402,6 +404,30 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
     return ERROR_NONE;
 }
 
+/* Returns the largest angle either way that boards of a described protocol report, rad; INFINITY if
+ * there is no limit. */
+static double protocol_find_reach(const struct described_protocol *protocol)
+{
+    double reach = 0.0;
+
+    for (size_t i = 0; protocol && i < protocol->nframe; i++) {
+        const struct described_frame *frame = &protocol->frame[i];
+
+        for (size_t k = 0; k < frame->nfield && !frame->from_host; k++) {
+            const struct described_field *field = &frame->field[k];
+
+            if (field->meaning == DESCRIBED_MOTOR_POSITION ||
+                field->meaning == DESCRIBED_LINK_POSITION) {
+                const double low = field->offset + field->scale * (double)field->low;
+                const double high = field->offset + field->scale * (double)field->high;
+
+                reach = fmax(reach, field->real ? (double)INFINITY : fmin(fabs(low), fabs(high)));
+            }
+        }
+    }
+    return reach > 0.0 ? reach : (double)INFINITY;
+}
+
 /* Loads the written rig. *load receives the load of its fullest bus, 0 to 1; load may be NULL. */
 static enum error_code import_check_rig(struct importer *m, const char *path, double *load)
 {
@@ -414,6 +440,7 @@ static enum error_code import_check_rig(struct importer *m, const char *path, do
     for (size_t i = 0; !code && load && i < rig->nbus; i++) {
         rig_bus_load(rig, i, rig->servo.command_period_ns, &telemetry, &commands);
         *load = fmax(*load, (telemetry + commands) / (double)rig->bus[i].bitrate);
+        m->reach = fmin(m->reach, protocol_find_reach(rig->bus[i].described));
     }
     arena_fini(&arena);
     return code;
@@ -469,7 +496,14 @@ static enum error_code import_write_bench(struct importer *m)
     }
     for (size_t j = 0; j < rig.robot->njoint; j++) {
         const struct import_joint *source = m->robot.source[j];
+        const struct robot_joint *joint = &rig.robot->joint[j];
 
+        if (joint->sea.present && fmax(-joint->lower, joint->upper) > m->reach) {
+            import_note_add(&m->result->notes, IMPORT_DOUBTED, source->file, source->line,
+                            "joint \"%.63s\" turns from %.4g to %.4g rad, and its board reports at "
+                            "most %.4g either way: another --protocol, or a narrower range",
+                            source->name, joint->lower, joint->upper, m->reach);
+        }
         if (gains[j].short_of > 0.0) {
             import_note_add(
                 &m->result->notes, IMPORT_DOUBTED, source->file, source->line,
@@ -543,6 +577,7 @@ enum error_code import_run(const struct import_request *request, struct arena *a
                          .result = result,
                          .arena = arena,
                          .error = error,
+                         .reach = (double)INFINITY,
                          .boards.address = request->address,
                          .boards.naddress = request->naddress};
     enum error_code code;

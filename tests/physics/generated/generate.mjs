@@ -607,9 +607,9 @@ class Mjcf {
     if (loop || (this.joints.length > 2 && d.chance(0.3))) {
       this.w.open('equality')
       if (this.refused === 'connect') {
-        this.w.leaf('connect', { body1: 'trunk', body2: 'end', anchor: [0, 0, 0] })
+        this.w.leaf('connect', { body1: 'trunk', body2: 'end', anchor: [0, 0, 0], active: 'true' })
       } else if (this.refused === 'weld') {
-        this.w.leaf('weld', { body1: 'trunk', body2: 'end' })
+        this.w.leaf('weld', { body1: 'trunk', body2: 'end', active: 'true' })
       }
       if (d.chance(0.3)) {
         this.note('inactive weld')

@@ -405,3 +405,96 @@ TEST_WITH(poses_are_chosen_by_whole_words, open_folder, remove_folder)
         assert_non_null(strstr(text, keys));
     }
 }
+
+/* ---- what boards see ---- */
+
+/* An arm of one joint that a load of 0.1 m turns. */
+static void write_arm(const char *joint, const char *actuator)
+{
+    FILE *out = fopen(file, "w");
+
+    assert_non_null(out);
+    fprintf(out,
+            "<mujoco model='arm'><compiler angle='radian'/><worldbody><body name='a' pos='0 0 1'>"
+            "<joint name='j' axis='0 1 0' damping='0.5' %s/><inertial pos='0.1 0 0' mass='0.55' "
+            "diaginertia='.001 .001 .001'/></body></worldbody><actuator>%s</actuator></mujoco>",
+            joint, actuator);
+    assert_int_equal(fclose(out), 0);
+}
+
+/* The rig of that arm, as it is loaded. */
+static const struct rig *import_arm(const char *protocol, struct import_result *result)
+{
+    const struct rig *rig;
+    struct error error;
+
+    import_limbs(protocol, result);
+    assert_no_error(rig_load(result->rig, &arena, &rig, &error), error.text);
+    return rig;
+}
+
+/* 22 bits of 1e-5 rad with a sign are 20.97 rad, and 50 turns are more */
+TEST_WITH(joints_that_turn_farther_than_boards_report_are_doubted, open_folder, remove_folder)
+{
+    static const struct {
+        const char *joint, *protocol, *words;
+    } cases[] = {
+        {"", "compact", "at most 20.97 either way"},
+        {"", HIL_SOURCE_DIR "/config/protocols/mini-cheetah.yaml", "at most 12.5 either way"},
+        {"", "icub", NULL},
+        {"range='-20 20'", "compact", NULL}};
+
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
+        struct import_result result;
+        size_t doubted = 0;
+
+        write_arm(cases[i].joint, "<motor joint='j' ctrlrange='-5 5'/>");
+        import_arm(cases[i].protocol, &result);
+        for (size_t n = 0; n < result.notes.count; n++) {
+            const struct import_note *note = &result.notes.note[n];
+
+            doubted += note->fate == IMPORT_DOUBTED && cases[i].words &&
+                       strstr(note->text, cases[i].words);
+            assert_true(cases[i].words || !strstr(note->text, "either way: another --protocol"));
+        }
+        assert_int_equal(doubted, cases[i].words != NULL);
+    }
+}
+
+/* A stop yields by torque / stiffness, and the board must not see the joint beyond its limits */
+TEST_WITH(limits_of_boards_lie_outside_the_stops, open_folder, remove_folder)
+{
+    struct import_result result;
+    const struct rig *rig;
+
+    write_arm("range='0 2'", "<motor joint='j' ctrlrange='-50 50'/>");
+    rig = import_arm("icub", &result);
+    for (size_t b = 0; b < rig->boards.nboard; b++) {
+        const struct board_axis_config *axis = &rig->boards.board[b].axis[0];
+        const struct robot_joint *joint = &result.loaded->joint[0];
+
+        if (rig->boards.board[b].kind == BOARD_MOTOR) {
+            assert_true(axis->lower_rad <= -1.5 * joint->torque_limit / joint->stop.stiffness);
+            assert_true(axis->upper_rad >= 2 + 1.5 * joint->torque_limit / joint->stop.stiffness);
+        }
+    }
+    assert_true(rig->axis[0].lower_rad == 0.0 && rig->axis[0].upper_rad == 2.0);
+}
+
+/* The loop is as stiff as the inertia asks, 30 rad/s, whatever the rotor's inertia */
+TEST_WITH(light_rotor_does_not_soften_the_loop, open_folder, remove_folder)
+{
+    static const char *const armature[] = {"range='-2 2' armature='0.02'",
+                                           "range='-2 2' armature='0.0002'"};
+
+    for (size_t i = 0; i < ARRAY_COUNT(armature); i++) {
+        struct import_result result;
+        const struct robot_sea *sea;
+        const struct rig *rig;
+
+        write_arm(armature[i], "<position joint='j' kp='8' forcerange='-5 5'/>");
+        rig = import_arm("icub", &result);
+        sea = &result.loaded->joint[0].sea;
+        assert_true(rig->servo.gains[0].kp_v_per_rad * sea->Kt / sea->R >= 900.0 * 0.0065 * 0.99);
+    }
+}
