@@ -33,9 +33,10 @@ CHECKS = [
     Check("container", "both container files make images that work without privileges",
           "./dev fresh --suite trixie --container", None, 60),
     Check("pip", "the wheel is built, installed and used without a network",
-          "ctest --test-dir build/release -VR ^python_wheel$ | sh tests/summary.sh", None, 10),
+          "ctest --test-dir build/release -V -R ^python_wheel$ | sh tests/summary.sh", None, 10),
     Check("job", "examples/ci, copied into an empty folder, passes and finds a fault",
-          "ctest --test-dir build/release -VR ^service_user_job$ | sh tests/summary.sh", None, 10),
+          "ctest --test-dir build/release -V -R ^service_user_job$ | sh tests/summary.sh", None,
+          10),
     Check("soak", "an hour of random faults breaks no rule, twice with one hash; wake-ups as good "
           "as cyclictest's", "./dev soak",
           "SOAK=600 ./dev soak soak_lockstep", 90),
