@@ -102,12 +102,13 @@ static struct slid run(const struct slide *s, int64_t substep_ns, int ticks)
     start(s, substep_ns, &rig);
     from = rig.free[0];
     for (int t = 0; t < ticks; t++) {
-        double f[3];
+        struct contact_wrench mean;
+        const double *f = mean.force;
 
         assert_no_error(plant_step(rig.plant, (size_t)(1000000 / substep_ns)),
                         plant_failure(rig.plant));
         assert_ok(plant_sample(rig.plant));
-        plant_contact_mean(rig.plant, 0, f);
+        plant_contact_mean(rig.plant, 0, &mean);
         if (t > START && f[2] > 0.3) {
             slid.excess = fmax(slid.excess, hypot(f[0], f[1]) / (s->mu * f[2]) - 1);
         }

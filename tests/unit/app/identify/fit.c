@@ -15,7 +15,7 @@
 #include "tests/test.h"
 
 #define RIG HIL_SOURCE_DIR "/config/rigs/xl330-pendulum.yaml"
-#define BENCH HIL_SOURCE_DIR "/config/validation/xl330.yaml"
+#define BENCH_FILE HIL_SOURCE_DIR "/config/validation/xl330.yaml"
 
 enum { ROWS = 1500, FREE = 5, SEEDS = 2 };
 
@@ -249,7 +249,7 @@ static void refuses_rows(const char *text, const char *expected)
 
 TEST(wrong_recordings_are_refused_with_their_line)
 {
-    assert_ok(identify_open(BENCH, &arena, &bench, &error));
+    assert_ok(identify_open(BENCH_FILE, &arena, &bench, &error));
     refuses_rows("time_s,x\n", "no \"kp\" with a number");
     refuses_rows("# kp 100, so\ntime_s,position_rad\n0,1\n", "no column \"goal_rad\"");
     refuses_rows("# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v\n"
@@ -262,7 +262,7 @@ TEST(wrong_recordings_are_refused_with_their_line)
                  "30,0,0,1,7\n35,0,0,1,7\n40,0,0,1,7\n45,0,0,1,7\n50,0,0,1,7\n55,0,0,1,7\n"
                  "60,0,0,1,7\n65,0,0,1,7\n70,0,0,1,7\n75,0,0,1,7\n",
                  "found 16 rows in 75 s, expected one in 0.5 s or more: is the time in seconds?");
-    assert_int_equal(recording_check_sum(BENCH, "00000000", bench.recording->sum, &error),
+    assert_int_equal(recording_check_sum(BENCH_FILE, "00000000", bench.recording->sum, &error),
                      ERROR_INPUT);
     assert_non_null(strstr(error.text, "CRC-32"));
 }
@@ -272,7 +272,7 @@ TEST(the_measured_servo_is_within_its_limit)
 {
     static struct validation validation;
 
-    assert_ok(validation_run(BENCH, &arena, &validation, &error));
+    assert_ok(validation_run(BENCH_FILE, &arena, &validation, &error));
     assert_int_equal(validation.bench.nrecording, 8);
     assert_true(validation.passed);
     print_message("xl330: %.4f rad of what no identification has seen\n", validation.mean);
