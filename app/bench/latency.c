@@ -271,26 +271,9 @@ static enum error_code latency_measure(const struct latency_boards *boards,
 
 /* ---- what was measured ---- */
 
-/* Counts the samples in buckets whose upper edge is in (above, upto] ns. */
-static uint64_t latency_count_between(const struct histogram *of, int64_t above, int64_t upto)
-{
-    uint64_t count = 0;
-
-    for (unsigned i = 0; i < HISTOGRAM_BUCKETS; i++) {
-        int64_t edge = histogram_edge(i);
-
-        count += edge > above && edge <= upto ? of->bucket[i] : 0;
-    }
-    return count;
-}
-
-/* Prints a table of percentiles, us, and the number of samples between 1, 2, 5, 10 ... us. */
+/* Prints a table of percentiles, us. */
 static void latency_print(const struct latency_result *result, const char *joint, FILE *out)
 {
-    static const int step[] = {1, 2, 5};
-    int64_t above = -1, upto = 0, all = 0;
-    bool begun = false;
-
     fprintf(out,
             "  us            count       p50       p90       p99     p99.9       max     lost\n");
     for (int kind = 0; kind < LATENCY_KINDS; kind++) {
@@ -311,30 +294,6 @@ static void latency_print(const struct latency_result *result, const char *joint
                 "boards: from the command that switches the motor of %s to the first "
                 "telemetry that says so\n",
                 joint);
-    }
-
-    fprintf(out, "\n  up to us   wake-up      echo    boards\n");
-    for (int kind = 0; kind < LATENCY_KINDS; kind++) {
-        all = result->of[kind].max > all ? result->of[kind].max : all;
-    }
-
-    /* Steps of 1, 2, 5 per decade, from the smallest sample to the largest */
-    for (int n = 0; above < all; n++, above = upto) {
-        uint64_t of[LATENCY_KINDS], any = 0;
-
-        upto = step[n % 3] * 1000;
-        for (int i = 0; i < n / 3; i++) {
-            upto *= 10;
-        }
-        for (int kind = 0; kind < LATENCY_KINDS; kind++) {
-            of[kind] = latency_count_between(&result->of[kind], above, upto);
-            any |= of[kind];
-        }
-        begun = begun || any;
-        if (begun) {
-            fprintf(out, "  %8" PRId64 " %9" PRIu64 " %9" PRIu64 " %9" PRIu64 "\n", upto / 1000,
-                    of[0], of[1], of[2]);
-        }
     }
 }
 
