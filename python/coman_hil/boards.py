@@ -83,6 +83,8 @@ class Frame:
     checksum_byte: int
     counter: int
     count_field: Field
+    number: int = 0
+    head: tuple[int, str] = (-1, "")    # what its command begins with, for an identifier
 
     def put(self, where: Field, bits: int) -> None:
         self.image = self.image & ~where.mask | where.place(bits)
@@ -117,6 +119,7 @@ class Row:
     low: float = 0.0
     high: float = 0.0
     mode: str = ""
+    bits: int | None = None     # of the last set point; None = 0
 
 
 @dataclass
@@ -174,11 +177,14 @@ class Boards:
 
     def _text(self, frame: Frame) -> str:
         identifier = frame.image >> 8 * ID_BYTE
-        data = self._close(frame, frame.image)
-        words = ("<", {"c": "send", "f": "fdsend", "r": "sendrtr"}[frame.kind],
-                 f"{identifier:0{len(frame.word)}X}", "1" if frame.kind == "f" else "",
-                 str(frame.length), data.hex(" "), self.bus, ">")
-        return " ".join(filter(None, words))
+        if frame.head[0] != identifier:
+            word = {"c": "send", "f": "fdsend", "r": "sendrtr"}[frame.kind]
+            flags = " 1" if frame.kind == "f" else ""
+            frame.head = (identifier, f"< {word} {identifier:0{len(frame.word)}X}{flags} "
+                                      f"{frame.length} ")
+        if not frame.length:
+            return f"{frame.head[1]}{self.bus} >"
+        return f"{frame.head[1]}{self._close(frame, frame.image).hex(' ')} {self.bus} >"
 
     def _texts(self, rows: Iterable[Row]) -> list[list[str]]:
         """The frames of rows, by stage."""
@@ -210,15 +216,19 @@ class Boards:
     def set_points(self, points: Mapping[str, Point]) -> str:
         """Set points of the joints whose motors are on, and what is sent in every step."""
         pending: dict[int, Frame] = {}
+        active = []
         for row in self.sets:       # 0 for motors that are off, in frames that they share
-            row.frame.put(row.field, row.field.encode(0.0))
-        for row in self.sets:
-            quantity, value = points.get(row.joint, (None, 0.0))
-            if quantity == row.quantity:
-                value = max(row.low, min(row.high, value))
-                row.frame.put(row.field, row.field.encode(value))
-                pending[id(row.frame)] = row.frame
-        text = "".join(self._text(frame) for frame in self.frames if id(frame) in pending)
+            point = points.get(row.joint)
+            if point and point[0] == row.quantity:
+                active.append((row, point[1]))
+            elif row.bits is not None:
+                row.frame.put(row.field, row.field.encode(0.0))
+                row.bits = None
+        for row, value in active:
+            row.bits = row.field.encode(max(row.low, min(row.high, value)))
+            row.frame.put(row.field, row.bits)
+            pending[row.frame.number] = row.frame
+        text = "".join(self._text(pending[number]) for number in sorted(pending))
         if self.listening:
             text += "".join(self._text(row.frame) for row in self.cycles
                             if row.joint not in points)
@@ -258,7 +268,8 @@ class Boards:
     def keep(self) -> tuple:
         """The state for a checkpoint."""
         return ([(r.image, r.length, r.number) for r in self.reports],
-                [frame.image for frame in self.frames], dict(self.counters), self.listening)
+                [frame.image for frame in self.frames], dict(self.counters), self.listening,
+                [row.bits for row in self.sets])
 
     def restore(self, kept: tuple) -> None:
         for report, seen in zip(self.reports, kept[0]):
@@ -266,6 +277,8 @@ class Boards:
         for frame, image in zip(self.frames, kept[1]):
             frame.image = image
         self.counters, self.listening = dict(kept[2]), kept[3]
+        for row, bits in zip(self.sets, kept[4]):
+            row.bits = bits
 
 
 @dataclass
@@ -317,11 +330,11 @@ class Table:
         return self.read(name, "position")
 
 
-def _frame_of(word: list[str]) -> Frame:
+def _frame_of(word: list[str], number: int) -> Frame:
     data = b"" if word[3] == "-" else bytes.fromhex(word[3])
     image = data.ljust(ID_BYTE, b"\0") + int(word[1], 16).to_bytes(4, "little")
     return Frame(word[1], word[2], len(data), int.from_bytes(image, "little"), int(word[4]),
-                 int(word[5]), int(word[6]), Field(word[7]))
+                 int(word[5]), int(word[6]), Field(word[7]), number)
 
 
 def _report_of(word: list[str]) -> Report:
@@ -336,7 +349,7 @@ def _add_row(table: Table, boards: Boards, word: list[str]) -> None:
     if kind == "name":
         boards.names.setdefault(int(word[1]), word[2])
     elif kind == "frame":
-        boards.frames.append(_frame_of(word))
+        boards.frames.append(_frame_of(word, len(boards.frames)))
     elif kind == "report":
         report = _report_of(word)
         boards.reports.append(report)
