@@ -564,6 +564,10 @@ TEST_WITH(poses_come_from_the_second_file, open_default, close_arena)
 
 /* ---- MJCF ---- */
 
+/* What stands in 17 frames. */
+#define FRAMES_4(inside) "<frame><frame><frame><frame>" inside "</frame></frame></frame></frame>"
+#define FRAMES(inside) "<frame>" FRAMES_4(FRAMES_4(FRAMES_4(FRAMES_4(inside)))) "</frame>"
+
 TEST_WITH(mjcf_that_is_no_plain_tree_is_refused, open_default, close_arena)
 {
     static const struct {
@@ -578,6 +582,9 @@ TEST_WITH(mjcf_that_is_no_plain_tree_is_refused, open_default, close_arena)
         {MJCF("", "<joint type='ball'/>", ""), "x.urdf:4: ", "three hinges for a ball"},
         {MJCF("<include file='/etc/passwd'/>", "<joint/>", ""), "x.urdf:2: ", "without a folder"},
         {MJCF("", "<replicate><body/></replicate>", ""), "x.urdf:4: ", "found <replicate>"},
+        {MJCF("", "<body name='f'>" FRAMES("<joint/>") "</body>", ""), "x.urdf:4: ", "16 deep"},
+        {MJCF("", "<body name='f'><joint/><geom type='box' mesh='m'/></body>", ""),
+         "x.urdf:4: ", "MuJoCo fits to the mesh"},
         {MJCF("<compiler coordinate='global'/>", "<joint/>", ""), "x.urdf:2: ", "coordinate"},
         {MJCF("<compiler eulerseq='xyq'/>", "<joint/>", ""), "x.urdf:2: ", "eulerseq"},
         {MJCF("", "<joint/><body name='a'/>", ""), "x.urdf:4: ", "found body \"a\" again"},
