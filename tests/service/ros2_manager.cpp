@@ -77,8 +77,7 @@ int main(int argc, char **argv)
     if (argc < first + 2) {
         return 2;
     }
-    info.hardware_parameters = {{"ready", argv[first]},
-                                {"period_ticks", real_time ? "0" : "4"}};
+    info.hardware_parameters = {{"ready", argv[first]}, {"period_ticks", real_time ? "0" : "4"}};
     for (int i = first + 1; i < argc; i++) {
         info.joints.push_back({argv[i], {{"voltage"}}, {{"position"}, {"velocity"}, {"effort"}}});
     }
