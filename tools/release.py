@@ -43,6 +43,9 @@ CHECKS = [
     Check("falls", "1,000 random falls of a limp COMAN and 125 of WALK-MAN: no part goes into the "
           "ground, no energy is gained", "HIL_FALLS=1000 ./dev test ^falls$",
           "HIL_FALLS=200 ./dev test ^falls$", 60),
+    Check("drives", "10,000 (--short: 100) passive drives with friction make no energy in 10 s",
+          "HIL_PASSIVE_DRIVES=10000 build/release/tests/test_passive_drives",
+          "HIL_PASSIVE_DRIVES=100 build/release/tests/test_passive_drives", 240),
     Check("fuzz", "libFuzzer finds nothing",
           "./dev fuzz all 600", "./dev fuzz all 60", 400),
     Check("imports", "2,000 generated robot files mean here what they mean in MuJoCo 3",
