@@ -130,9 +130,9 @@ struct effects_end {
 };
 
 /* Advances a drive by an implicit Euler step of h seconds from *begin, while its joint moves from q
- * at the rate qd. keeps_friction: F is that of *begin, so that tau is continuous in qd. The step adds no energy for any h and any stiffness: tau at the end times qd h is
- * no more than the loss of stored energy plus the work of the bridge. Temperatures do not change.
- */
+ * at the rate qd. keeps_friction: F is that of *begin, so that tau is continuous in qd. The step
+ * adds no energy for any h and any stiffness: tau at the end times qd h is no more than the loss of
+ * stored energy plus the work of the bridge. Temperatures do not change. */
 void effects_step_implicit(const struct robot_sea *sea, const struct effects_bridge *bridge,
                            double h, double q, double qd, bool keeps_friction,
                            const struct effects_state *begin, struct effects_end *end);
