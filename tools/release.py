@@ -26,22 +26,22 @@ CHECKS = [
     Check("sanitize", "no invalid memory access, leak or undefined behavior", "./dev sanitize",
           "./dev sanitize --short", 180),
     Check("tsan", "no data races between threads", "./dev tsan", None, 60),
-    Check("fresh", "a clone with ./dev alone runs and passes its tests in a minimal Debian 12",
+    Check("fresh", "a clone with ./dev alone passes its tests in a minimal Debian 12",
           "./dev fresh", "./dev fresh base_ cli_", 120),
     Check("fresh-trixie", "the same on Debian 13", "./dev fresh --suite trixie",
           "./dev fresh --suite trixie base_ cli_", 120),
-    Check("container", "both container files make images that work without privileges",
+    Check("container", "both images work without privileges",
           "./dev fresh --suite trixie --container", None, 60),
-    Check("pip", "the wheel is built, installed and used without a network",
+    Check("pip", "the wheel installs without a network",
           "ctest --test-dir build/release -V -R ^python_wheel$ | sh tests/summary.sh", None, 10),
-    Check("job", "examples/ci, copied into an empty folder, passes and finds a fault",
+    Check("job", "a copy of examples/ci passes",
           "ctest --test-dir build/release -V -R ^service_user_job$ | sh tests/summary.sh", None,
           10),
     Check("soak", "an hour of random faults breaks no rule, twice with one hash; wake-ups as good "
           "as cyclictest's", "./dev soak",
           "SOAK=600 ./dev soak soak_lockstep", 90),
-    Check("falls", "1,000 random falls of a limp COMAN and 125 of WALK-MAN: no part goes into the "
-          "ground, no energy is gained", "HIL_FALLS=1000 ./dev test ^falls$",
+    Check("falls", "1,000 falls of a limp COMAN, 125 of WALK-MAN: no part in the ground, no energy "
+          "gained", "HIL_FALLS=1000 ./dev test ^falls$",
           "HIL_FALLS=200 ./dev test ^falls$", 60),
     Check("drives", "10,000 (--short: 100) passive drives with friction make no energy in 10 s",
           "HIL_PASSIVE_DRIVES=10000 build/release/tests/test_passive_drives",
@@ -52,18 +52,18 @@ CHECKS = [
           "HIL_IMPORTS=2000 ./dev test --strict ^import_generated$", None, 30),
     Check("scenarios", "all pass, and each expectation can fail",
           "build/release/coman-hil test config/scenarios/*.yaml --mutate", None, 60),
-    Check("bits-x86", "runs have the same bits with SSE2, AVX2 and AVX-512",
+    Check("bits-x86", "the same bits with SSE2, AVX2 and AVX-512",
           "./dev test --strict service_same_bits", None, 30),
     Check("bits-arm", "the same on 64-bit ARM, under QEMU",
           "./dev build aarch64 && HIL_SOURCE_DIR=$PWD HIL_LIMIT_S=3000 "
           "bash tests/aarch64/emulate.sh bits",
           "./dev test --strict aarch64_same_bits", 300),
-    Check("controllers", "bit rates, states and restarts work on real CAN controllers, in QEMU",
+    Check("controllers", "bit rates, states, restarts of CAN controllers, in QEMU",
           "./dev test --strict canbus_qemu", None, 15),
     Check("latency", "boards of each protocol answer a request; the table beside two bare sockets "
           "is in the output", "build/release/coman-hil-bench latency --answers | tee /dev/stderr | "
           "awk '/gateway|slcan/ && $NF == 0 {n++} END {exit n != 10}'", None, 10),
-    Check("package", "it installs on a minimal Debian 12, runs and leaves nothing behind",
+    Check("package", "it installs, runs and leaves nothing behind",
           "./dev package && bash tests/fresh.sh build/fresh-package "
           "--package build/packages/coman-hil_*.deb", None, 30),
 ]
@@ -144,9 +144,8 @@ def rows_of(text):
 def report(rows, mutants):
     """The text of the report; `mutants` is its last section, which `./dev mutate` writes."""
     lines = ["# Release report", "",
-             "What `./dev release` found; each row was made by its command, on the commit and the "
-             "processor that it", "names. [CONTRIBUTING.md](../CONTRIBUTING.md#release) says what "
-             "else a release takes.",
+             "`./dev release` made each row by its command. [CONTRIBUTING.md]"
+             "(../CONTRIBUTING.md#release) says what else a", "release takes.",
              "", "| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
     for check in CHECKS:
         row = {"check": check.name, "command": command_cell(check.command),
