@@ -33,8 +33,6 @@
  *               additional inertia of the pair's bodies.
  *   friction    The rates at the point bend the bristles of sticking friction from the base. The
  *               stage's rates then correct the bend linearly (model/implicit/bristle.c).
- *               Friction at its limit follows the normal force of the stage, and pairs that pull
- *               are removed: the stage is then solved again (implicit_revise_friction).
  *   gyroscopic  Gyroscopic moments of free bodies are evaluated at the stage, by iteration.
  *
  * Linear system. A stage is the system (Mass + E + sum Jb^T A_b Jb) a = right-hand side, with the
@@ -311,6 +309,9 @@ enum error_code implicit_step(struct plant *plant, double h)
            plant_stored_mechanical(plant) - energy > energy_rounding(plant, energy)) {
         im->scheme++;
         code = step_in_parts(plant, LEVEL_WHOLE, h, im->scheme == EFFECTS_EULER ? 16 : 1);
+    }
+    if (!code) {
+        implicit_clamp_friction(plant);
     }
     return code;
 }
