@@ -36,7 +36,7 @@ TEST(each_has_what_everyone_asks_for)
         assert_true(!p->visit_board_load == !p->visit_command_load);
         assert_in_range(p->axes_max, 1, BOARD_AXES_MAX);
         assert_in_range(p->motor_address_max, 1, p->address_max);
-        assert_true(p->address_max < 32);
+        assert_true(p->address_max < 255);
         assert_true(p->external || !p->external_torque);
         assert_true(p->canfd || !p->bench_fd.bus_axes);
         for (size_t k = 0; p->fault_names[k]; k++) {

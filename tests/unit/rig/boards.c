@@ -315,12 +315,12 @@ TEST_WITH(cia402_loads_are_those_of_counted_bits, open_rig_tree, close_rig_tree)
 }
 
 /* Frames as compact's above, and 135 bits of each command, 115 of each answer a millisecond; of
- * ODrive's 135 bits of each command, and every 2, 10, 100 and 100 ms from each drive; of
+ * ODrive's 135 bits of each command, and every 10 and 100 ms from each drive; of
  * RobStride's 160 bits of each command and as many of its answer, with identifiers of 29 bits,
  * every 2 ms. */
 TEST_WITH(described_loads_are_those_of_counted_bits, open_rig_tree, close_rig_tree)
 {
-    const double cheetah = 13.5 + 11.5, odrive = 13.5 + 13.5 / 2 + 2 * 1.35 + 4 * 0.135;
+    const double cheetah = 13.5 + 11.5, odrive = 13.5 + 3 * 1.35 + 4 * 0.135;
     const double robstride = (16.0 + 16.0) / 2;
     const struct expected_load of_cheetah[] = {
         {"torso", 3 * cheetah},         {"left_hip", 3 * cheetah},

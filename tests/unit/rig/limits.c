@@ -54,6 +54,7 @@ static const struct limit rig_limits[] = {
     {"motors.rotor_poles", 2, 126},
     {"motors.status_period_s", 0, 10},
     {"motors.boot_s", 0, 60},
+    {"motors.limit_margin_rad", 0, 1000},
     {"*.reply_delay_s", 0, 0.1},
     {"*.reply_spread_s", 0, 0.1},
     {"motors.switches[].negative_limit_rad", -1e3, 1e3},

@@ -514,7 +514,7 @@ TEST(an_odrive_answers_remote_frames)
     boards_receive(base->boards, base->now_ns, 0, &request);
     bench_tick(base);
     bench_expect(base, 0, 0x037, "00 00 40 42 00 00 00 00"); /* 48 V */
-    bench_ticks(base, 1);
+    bench_ticks(base, 9);
     bench_expect(base, 0, 0x029, "dd a5 fe 40 00 00 00 00"); /* 7.957747 turns */
     close_bench();
 }
