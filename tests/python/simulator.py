@@ -45,12 +45,13 @@ def test_a_voltage_moves_its_joint_the_right_way():
 
 
 def test_each_joint_has_its_own_voltage():
-    """On every rig that drives all joints, without a calibration, and whose protocol the package
-    speaks; the plant says which terminal voltage each motor has."""
+    """On every rig that drives all joints without a calibration, and whose boards take voltages;
+    the plant says which terminal voltage each motor has."""
     from coman_hil import Simulator
     others = {RIGS / f"coman-{kind}.yaml" for kind in
-              ("cia402", "cia402-imu", "described", "foc-leg", "mini-cheetah", "moteus",
-               "odrive", "rest-bus", "robstride", "strict")}
+              ("cia402", "cia402-imu", "cubemars-mit", "cubemars-servo", "damiao", "described",
+               "foc-leg", "mini-cheetah", "moteus", "myactuator-rmd", "odrive", "rest-bus",
+               "robstride", "robstride-mit", "strict", "vesc")}
     others |= {RIGS / "hyq.yaml", RIGS / "hyq-leg.yaml", RIGS / "xl330-pendulum.yaml",
                RIGS / "ak80-6-pendulum.yaml"}
     for path in sorted(set(RIGS.glob("*.yaml")) - others):
