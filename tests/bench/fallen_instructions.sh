@@ -5,7 +5,9 @@
 # squat, in instructions by callgrind: a figure that does not depend on how busy the machine is.
 # Prints TAP.
 program=$1
-most=460 # hundredths of a tick of the squat; 444 since friction follows the normal force of each stage, 299 before
+# hundredths of a tick of the squat; 444 since friction follows the normal force of each stage, 299
+# before
+most=460
 dir=$(mktemp -d) || exit 1
 trap 'rm -rf "$dir"' EXIT
 echo 1..1

@@ -1,20 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Checks a candump log of buses in wire mode (stdin, 1 Mbit/s, whole microseconds) against the
- * reference encoder: a frame's end less its length by the reference is its start, and that must be
- * the end of the intermission behind the frame before, or the beginning of a tick, when boards and
- * host hand over what they have. Usage: wire_log TICK_US IGNORED_ID... < candump.log
+ * reference encoder: a frame's end less its length by the reference is its start. A frame starts at
+ * the end of the intermission behind the frame before, at the beginning of a tick, when boards and
+ * host hand over what they have, or REPLY_US behind a recent frame, which it answers. Usage: wire_log
+ * TICK_US REPLY_US IGNORED_ID... < candump.log
  */
 #include "tests/unit/canbus/wire/wire_reference.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { BUSES = 16, INTERMISSION_US = 3 };
+enum { BUSES = 16, INTERMISSION_US = 3, RECENT = 32 };
 
 struct bus {
     char name[16];
-    long long end_us;
+    long long end_us, recent_us[RECENT]; /* recent_us: ends of the last frames */
     unsigned long long frames, back_to_back;
 };
 
@@ -58,8 +59,19 @@ static int parse(const char *line, long long *time_us, char *bus, struct bus_fra
 
 static int ignored(uint32_t id, int argc, char **argv)
 {
-    for (int i = 2; i < argc; i++) {
+    for (int i = 3; i < argc; i++) {
         if (strtoul(argv[i], NULL, 0) == id) {
+            return 1;
+        }
+    }
+    return 0;
+}
+
+/* Returns whether a frame that starts at this time answers a recent frame of the bus. */
+static int answers(const struct bus *bus, long long start_us, long long reply_us)
+{
+    for (int i = 0; i < RECENT; i++) {
+        if (bus->recent_us[i] > 0 && start_us == bus->recent_us[i] + reply_us) {
             return 1;
         }
     }
@@ -68,7 +80,8 @@ static int ignored(uint32_t id, int argc, char **argv)
 
 int main(int argc, char **argv)
 {
-    const long long tick_us = argc > 1 ? atoll(argv[1]) : 1000;
+    const long long tick_us = argc > 2 ? atoll(argv[1]) : 1000;
+    const long long reply_us = argc > 2 ? atoll(argv[2]) : 0;
     unsigned long long frames = 0, back_to_back = 0;
     char line[256], name[16];
 
@@ -86,11 +99,12 @@ int main(int argc, char **argv)
         start_us = end_us - nominal;
         if (start_us == bus->end_us + INTERMISSION_US) {
             bus->back_to_back++;
-        } else if (start_us < bus->end_us + INTERMISSION_US || start_us % tick_us != 0) {
+        } else if (start_us < bus->end_us + INTERMISSION_US ||
+                   (start_us % tick_us != 0 && !answers(bus, start_us, reply_us))) {
             printf("wrong time: %s", line);
             return 1;
         }
-        bus->end_us = end_us;
+        bus->end_us = bus->recent_us[bus->frames % RECENT] = end_us;
         bus->frames++;
     }
     for (int i = 0; i < BUSES && buses[i].name[0]; i++) {
