@@ -3,8 +3,8 @@
  * Checks a candump log of buses in wire mode (stdin, 1 Mbit/s, whole microseconds) against the
  * reference encoder: a frame's end less its length by the reference is its start. A frame starts at
  * the end of the intermission behind the frame before, at the beginning of a tick, when boards and
- * host hand over what they have, or REPLY_US behind a recent frame, which it answers. Usage: wire_log
- * TICK_US REPLY_US IGNORED_ID... < candump.log
+ * host hand over what they have, or REPLY_US behind a recent frame, which it answers.
+ * Usage: wire_log TICK_US REPLY_US IGNORED_ID... < candump.log
  */
 #include "tests/unit/canbus/wire/wire_reference.h"
 
