@@ -180,7 +180,8 @@ static bool described_is_selected(const struct described_arrival *a,
     int slots = described_find_field(a->row, DESCRIBED_SLOTS_MASK);
     unsigned slot = node->first_slot + axis;
 
-    if (a->verdict == BOARD_MALFORMED) {
+    /* Only a frame with a wrong value has fields that can be trusted */
+    if (a->verdict == BOARD_MALFORMED && a->reason.why != DESCRIBED_WRONG_VALUE) {
         return true;
     }
     if (slots >= 0 &&

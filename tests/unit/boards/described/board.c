@@ -851,6 +851,21 @@ TEST(a_damiao_drive_answers_as_one_that_was_recorded)
     close_bench();
 }
 
+/* All drives hear identifier 0x7ff. An unknown register is malformed for the drive that it is for. */
+TEST(an_unknown_register_of_another_drive_is_foreign)
+{
+    open_bench(damiao, 0);
+    bench_tick(base);
+    bench_send(base, 0, 0x7ff, "09 00 33 c8 00 00 00 00");
+    bench_tick(base);
+    assert_int_equal(bench_counters(base).malformed, 0);
+    assert_int_equal(bench_counters(base).foreign, 1);
+    bench_send(base, 0, 0x7ff, "01 00 33 c8 00 00 00 00");
+    bench_tick(base);
+    assert_int_equal(bench_counters(base).malformed, 1);
+    close_bench();
+}
+
 /* At 0.5 rad, count 34078 of 65535 over 25 rad; over 50 rad 33423. Floats by IEEE 754. */
 TEST(a_damiao_drive_has_its_registers)
 {
