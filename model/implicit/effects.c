@@ -36,7 +36,9 @@ static double find_link_inertia(struct plant *plant, size_t j)
 
     memset(plant->q, 0, robot->nq * sizeof *plant->q);
     memset(v, 0, robot->nv * sizeof *v);
-    plant->q[BASE_Q_QUATERNION] = robot->floating ? 1.0 : 0.0;
+    if (robot->floating) {
+        plant->q[BASE_Q_QUATERNION] = 1.0;
+    }
     v[robot->nv - robot->njoint + j] = 1.0;
     dynamics->ops->energy(dynamics, plant->q, v, &kinetic, &potential);
     return 2.0 * kinetic;

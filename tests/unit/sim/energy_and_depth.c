@@ -134,9 +134,11 @@ TEST(energy_from_nowhere_is_an_event)
 
         rig_run_load(row[i].rig, &arena, &rig);
         assert_true(rig.contact.nsurface <= ARRAY_COUNT(surface));
-        memcpy(surface, rig.contact.surface, rig.contact.nsurface * sizeof *surface);
-        for (size_t s = 0; s < rig.contact.nsurface && row[i].young_pa > 0.0; s++) {
-            surface[s].material.young_pa = row[i].young_pa;
+        for (size_t s = 0; s < rig.contact.nsurface; s++) {
+            surface[s] = rig.contact.surface[s];
+            if (row[i].young_pa > 0.0) {
+                surface[s].material.young_pa = row[i].young_pa;
+            }
         }
         rig.contact.surface = surface;
         rig.integrator = row[i].integrator;
