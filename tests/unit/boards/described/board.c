@@ -851,7 +851,7 @@ TEST(a_damiao_drive_answers_as_one_that_was_recorded)
     close_bench();
 }
 
-/* All drives hear identifier 0x7ff. An unknown register is malformed for the drive that it is for. */
+/* All drives hear identifier 0x7ff. An unknown register is malformed for the addressed drive. */
 TEST(an_unknown_register_of_another_drive_is_foreign)
 {
     open_bench(damiao, 0);
