@@ -155,7 +155,7 @@ struct board_config {
     /* boot_ns: time from power-up to the start of the application, at the start of a run and after
      * a restart; 0 = none. restart_ns: minimum duration of a restart */
     int64_t boot_ns, restart_ns;
-    /* time of the board's answers; a negative member = that of the protocol */
+    /* time of the board's answers; a negative member = the protocol's value */
     struct board_reply_time reply;
     /* sends telemetry without a host's command: STRAIN calibrated frames, inertial acceleration,
      * rate and quaternion, icub motors with the policy 0x7f, compact telemetry */

@@ -1157,7 +1157,7 @@ static enum hil_client_code interface_open(struct hil_client *client, struct bus
     return HIL_CLIENT_OK;
 }
 
-/* Compares the clock option with that of the run, if the file of --ready has it. */
+/* Checks the option `lockstep` against the clock in the file of --ready, if the file has one. */
 static enum hil_client_code client_check_place(struct hil_client *client, const struct place *place,
                                                const struct hil_client_options *options)
 {

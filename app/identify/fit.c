@@ -206,8 +206,8 @@ static void run_batch(struct fit *fit, const double *u, size_t nset, double *out
 
 /* ---- the solver's view ---- */
 
-/* Returns the root mean square of the residuals of angles, rad. *current receives that of currents,
- * weighted, rad; it may be NULL. */
+/* Returns the root mean square of the angle residuals, rad. *current receives the root mean square
+ * of the weighted current residuals, rad; it may be NULL. */
 static double rms_of(const struct fit *fit, const double *residual, double *current)
 {
     double sum[2] = {0.0, 0.0};

@@ -12,8 +12,8 @@
  * yield. */
 static const double RANGES_MAX = 1.5;
 
-/* A fit is of no use if its mean error exceeds that of the start values by this factor. Priors and
- * measured currents may raise it a little. */
+/* A fit fails if its mean error exceeds the mean error of the start values by this factor. Priors
+ * and measured currents can raise the mean error a little. */
 static const double WORSE = 1.05;
 
 /* Replaces the drive's numbers by the numbers of a bench. */

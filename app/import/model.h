@@ -92,7 +92,7 @@ struct import_joint {
     double multiplier, offset; /* position = multiplier times the leader's position + offset */
     bool bends;                /* follows by a polynomial of higher order */
     bool driven;               /* an actuator of the file drives the joint */
-    bool racked;               /* follows its pinion, whatever becomes of other followers */
+    bool racked;               /* follows its pinion, for every --mimic */
 };
 
 enum import_sensor_kind { IMPORT_FT, IMPORT_IMU };

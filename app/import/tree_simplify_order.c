@@ -78,7 +78,7 @@ static bool option_locks_joint(const struct import_options *options, const char 
 }
 
 /* Counts the joints that turn or slide in each tree on the root: only those with an actuator, if
- * the file has any. count is by joint of the model, of which only those on the root get one. */
+ * the file has any. count[j] receives the number behind joint j, if joint j is on the root. */
 static void world_count_joints(const struct simplifier *r, size_t *count)
 {
     const struct import_model *model = r->model;

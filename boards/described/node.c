@@ -96,7 +96,7 @@ static double factor_or_one(double factor)
     return factor != 0.0 ? factor : 1.0;
 }
 
-/* Returns the state that an axis reports: its own, or that of a fault while the axis is off. */
+/* Returns the state that an axis reports: its own state, or the fault state while it is off. */
 static const struct described_state *described_reported_state(const struct described_node *node,
                                                               const struct described_axis *axis)
 {
