@@ -7,7 +7,6 @@
 #define APP_CLI_CLI_H
 
 #include "base/error.h"
-#include "base/memory_file.h"
 #include "base/options.h"
 #include "canbus/dbc.h"
 #include "canbus/gateway.h"
@@ -279,9 +278,8 @@ enum error_code token_file_write(const char *path, const struct page_tokens *tok
  * Writes the file of --ready, which gives the addresses of a run or a page. It appears when clients
  * can connect, and is then complete. Only its owner may read it.
  * Each line is NAME='VALUE', readable with "." in a shell. Names: pid, clock, control (path of the
- * control socket), gateway_host, gateway_port, tables (hashes of the buses' DBC files), page
- * (address with control) and page_view (address without control). Entries that do not apply are
- * omitted.
+ * control socket), gateway_host, gateway_port, page (address with control) and page_view (address
+ * without control). Entries that do not apply are omitted.
  */
 
 /* Addresses of a run. */
@@ -290,7 +288,6 @@ struct ready {
     const char *control;
     const char *gateway_host; /* NULL = no gateway */
     uint16_t gateway_port;
-    const char *tables; /* from dbc_hash_rig */
     const char *page, *page_view;
 };
 
@@ -305,23 +302,6 @@ enum error_code ready_write(const char *path, const struct ready *ready, struct 
 
 /* Removes the file of this process. Call it when clients can no longer connect. */
 void ready_end(const char *path);
-
-/* ---- hashes of DBC files ---- */
-
-/*
- * Writes and hashes the DBC file of a bus. A client that has files of `coman-hil dbc` compares the
- * hashes to check that its files belong to the running rig.
- */
-
-/* Writes a DBC to *text, which must be zeroed. The caller frees it. ERROR_MEMORY. */
-enum error_code dbc_hash_write_text(const struct dbc *dbc, struct memory_file *text,
-                                    struct error *error);
-
-/* Writes "BUS=HASH BUS=HASH ..." to *hashes, owned by arena. HASH is the 64-bit FNV-1a hash
- * (base/hash.h, 16 hexadecimal digits) of the bytes from dbc_hash_write_text. Omits a bus whose
- * messages do not fit in a DBC file. ERROR_MEMORY. */
-enum error_code dbc_hash_rig(const struct rig *rig, struct arena *arena, const char **hashes,
-                             struct error *error);
 
 /* ---- recorded runs ---- */
 

@@ -7,38 +7,18 @@
 #include "rig/client_table.h"
 #include "rig/dbc.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 enum { PATH_SIZE = 1024 };
 
 /* ---- one bus ---- */
 
-/* Writes the text to a file, or to standard output when path is NULL. */
-static enum error_code dbc_put_text(const struct memory_file *text, const char *path,
-                                    struct error *error)
-{
-    struct whole_file file;
-    enum error_code code;
-
-    if (!path) {
-        fwrite(text->text, 1, text->size, stdout); /* program_main checks for write errors */
-        return ERROR_NONE;
-    }
-    code = whole_file_open(&file, path, error);
-    if (code) {
-        return code;
-    }
-    fwrite(text->text, 1, text->size, file.out);
-    return whole_file_close(&file, ERROR_NONE, error);
-}
-
-/* Writes the DBC of a bus. Prints the numbers of messages and signals unless the DBC goes to
- * standard output. */
+/* Writes the DBC of a bus to a file and prints the numbers of its messages and signals. Without a
+ * path, writes the DBC to standard output. */
 static enum error_code export_bus(const struct rig *rig, size_t bus, const char *path,
                                   struct arena *arena, struct error *error)
 {
-    struct memory_file text = {.text = NULL};
+    struct whole_file file;
     size_t signals = 0;
     struct dbc *dbc;
     enum error_code code = rig_dbc(rig, bus, arena, &dbc, error);
@@ -46,15 +26,18 @@ static enum error_code export_bus(const struct rig *rig, size_t bus, const char 
     if (code) {
         return code;
     }
-    code = dbc_hash_write_text(dbc, &text, error);
-    if (!code) {
-        code = dbc_put_text(&text, path, error);
+    if (!path) {
+        return dbc_write(dbc, stdout, error);
     }
-    free(text.text);
+    code = whole_file_open(&file, path, error);
+    if (code) {
+        return code;
+    }
+    code = whole_file_close(&file, dbc_write(dbc, file.out, error), error);
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {
         signals += m->nsignal;
     }
-    if (!code && path) {
+    if (!code) {
         printf("%-16s %4zu messages %5zu signals  %s\n", rig->bus[bus].name, dbc->nmessage, signals,
                path);
     }

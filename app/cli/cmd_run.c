@@ -235,12 +235,10 @@ static enum error_code open_control(const struct run_options *options, struct si
 
 /* ---- the run ---- */
 
-/* Writes the file of --ready. host is the gateway's, "" = the default address; tables are the
- * hashes. */
+/* Writes the file of --ready. host is the gateway's, "" = the default address. */
 static enum error_code write_ready(const struct run_options *options, const char *host,
-                                   const char *tables, struct simulator *simulator,
-                                   const struct control *control, const struct page *page,
-                                   struct error *error)
+                                   struct simulator *simulator, const struct control *control,
+                                   const struct page *page, struct error *error)
 {
     const struct gateway *gateway = simulator_gateway(simulator);
     const struct ready ready = {
@@ -250,7 +248,6 @@ static enum error_code write_ready(const struct run_options *options, const char
                         : host[0]                          ? host
                                                            : "127.0.0.1",
         .gateway_port = gateway ? gateway_port(gateway) : 0,
-        .tables = tables,
         .page = page->viewer ? viewer_address(page->viewer, true) : NULL,
         .page_view = page->viewer ? viewer_address(page->viewer, false) : NULL,
     };
@@ -302,7 +299,7 @@ static void run_each_period(void *context)
 
 /* Runs a simulator from the start of its threads; returns the exit status. */
 static int run_simulator(struct simulator *simulator, struct control *control, struct page *page,
-                         const struct run_options *options, const char *host, const char *tables)
+                         const struct run_options *options, const char *host)
 {
     static struct monitor monitor;
     struct background background = {simulator, control, page, &monitor};
@@ -339,7 +336,7 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
     control_serve(control);
     viewer_serve(page->viewer);
     rig_command_warn(&report, monitor.log.clear);
-    if (write_ready(options, host, tables, simulator, control, page, &error)) {
+    if (write_ready(options, host, simulator, control, page, &error)) {
         silent = command_fail("run", &error); /* no client can connect: the run ends immediately */
         simulator_stop(simulator);
     }
@@ -474,7 +471,6 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     static struct run_slcan slcan;
     static char host[RUN_HOST_SIZE];
     const struct rig *rig = loaded;
-    const char *tables = NULL;
     struct simulator_config config;
     struct simulator *simulator;
     struct task_input input;
@@ -496,8 +492,7 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     if (run_read_gateway(options, host, &slcan, &gateway, &joined, &error) ||
         run_options_check_trust(options, rig, &error) ||
         run_options_configure(options, rig, &config, &error) ||
-        task_input_read(&options->input, options->task, rig, arena, &input, &error) ||
-        (options->ready && dbc_hash_rig(rig, arena, &tables, &error))) {
+        task_input_read(&options->input, options->task, rig, arena, &input, &error)) {
         return command_fail("run", &error);
     }
     config.task_input = &input;
@@ -533,7 +528,7 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
         control_stop(control);
         status = command_fail("run", &error);
     } else {
-        status = run_simulator(simulator, control, &page, options, host, tables);
+        status = run_simulator(simulator, control, &page, options, host);
     }
     page_close(&page);
     control_destroy(control);

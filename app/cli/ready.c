@@ -118,7 +118,6 @@ enum error_code ready_write(const char *path, const struct ready *ready, struct 
         put_entry("gateway_host", ready->gateway_host, file.out);
         put_entry("gateway_port", number, file.out);
     }
-    put_entry("tables", ready->tables, file.out);
     put_entry("page", ready->page, file.out);
     put_entry("page_view", ready->page_view, file.out);
     return whole_file_close(&file, code, error);

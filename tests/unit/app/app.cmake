@@ -5,7 +5,7 @@ foreach(name control ctl_client hostile memory parse socket)
         TIMEOUT 240)
 endforeach()
 
-foreach(name dbc_hash doctor doctor_external eventlog firmware notify ready token_file)
+foreach(name doctor doctor_external eventlog firmware notify ready token_file)
     hil_test(cli_${name} SOURCES unit/app/cli/${name}.c LIBS cli LABELS unit)
 endforeach()
 hil_script_test(cli_accel COMMAND /usr/bin/python3

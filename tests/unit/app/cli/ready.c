@@ -51,7 +51,6 @@ TEST_WITH(a_shell_reads_what_was_written, begin, end)
                                 .control = strange,
                                 .gateway_host = "::1",
                                 .gateway_port = 65535,
-                                .tables = "arm=00000000000000ff leg=0123456789abcdef",
                                 .page = "http://127.0.0.1:1/#token=5&x=1",
                                 .page_view = ""};
     struct stat info;
@@ -66,7 +65,6 @@ TEST_WITH(a_shell_reads_what_was_written, begin, end)
     assert_shell_reads("control", strange);
     assert_shell_reads("gateway_host", "::1");
     assert_shell_reads("gateway_port", "65535");
-    assert_shell_reads("tables", "arm=00000000000000ff leg=0123456789abcdef");
     assert_shell_reads("page", "http://127.0.0.1:1/#token=5&x=1");
     assert_shell_reads("page_view", "none");
 }
@@ -79,7 +77,6 @@ TEST_WITH(what_a_run_has_not_has_no_line, begin, end)
     assert_shell_reads("control", "none");
     assert_shell_reads("gateway_host", "none");
     assert_shell_reads("gateway_port", "none");
-    assert_shell_reads("tables", "none");
 }
 
 TEST_WITH(it_is_gone_before_the_start_and_after_the_end, begin, end)
