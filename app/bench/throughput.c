@@ -28,10 +28,8 @@
 
 #define ARENA_BYTES ((size_t)512 << 20) /* reserved address space */
 
-/* Simulated time at the start that the benchmark ticks does not count, s. In this time the caches
- * fill and a robot without power falls. */
+/* Simulated time at the start that the benchmark ticks does not count, s: the caches fill. */
 #define WARM_UP_S 0.1
-#define FALL_S 3.0
 
 enum {
     RIGS_MAX = 32,
@@ -85,7 +83,6 @@ struct throughput {
     const char *const *rig;
     int64_t rounds;
     double seconds; /* simulated time of a case, or of a rig for the benchmark ticks */
-    bool limp;
     struct peers_library library;
     const struct peer_dynamics *mujoco; /* NULL = not found */
     size_t nmeasured;
@@ -567,12 +564,11 @@ static void time_tick(void *context, int64_t now_ns)
 static enum error_code time_rig(const struct throughput *t, const struct measured_rig *measured,
                                 struct arena *arena, struct ticks_timer *timer, struct error *error)
 {
-    const double skipped_s = t->limp ? FALL_S : WARM_UP_S;
     const struct simulator_observer observer = {.context = timer, .step = time_tick};
     struct simulator_config config = {
         .clock = LOOP_CLOCK_FREE,
         .transport = TRANSPORT_LOCAL,
-        .task = t->limp ? NULL : measured->task,
+        .task = measured->task,
         .observer = &observer,
     };
     const struct histogram *times = &timer->histogram;
@@ -588,9 +584,9 @@ static enum error_code time_rig(const struct throughput *t, const struct measure
     }
     tick_us = 1e-3 * (double)rig->tick_ns;
     config.rig = rig;
-    config.hold = t->limp ? RIG_HOLD_NONE : rig->hold;
+    config.hold = rig->hold;
     config.settle = rig->settle;
-    config.ticks = (uint64_t)ceil(1e6 * (skipped_s + t->seconds) / tick_us);
+    config.ticks = (uint64_t)ceil(1e6 * (WARM_UP_S + t->seconds) / tick_us);
     memset(timer, 0, sizeof *timer);
     timer->begun_s = -1.0;
 
@@ -601,7 +597,7 @@ static enum error_code time_rig(const struct throughput *t, const struct measure
         bench_cpu_s();
     }
     timer->reading_s = (bench_cpu_s() - begun_s) / READINGS;
-    timer->from_ns = llround(1e9 * skipped_s);
+    timer->from_ns = llround(1e9 * WARM_UP_S);
     if ((code = simulator_create(&config, arena, &simulator, notice, error))) {
         return code;
     }
@@ -616,10 +612,8 @@ static enum error_code time_rig(const struct throughput *t, const struct measure
     }
     mean_us = 1e-3 * (double)times->sum / (double)times->count;
     printf("%-16s %-8s %8.0f %8.1f %8.1f %8.1f %8.1f %8.1f %9.1f\n", measured->rig,
-           t->limp          ? "limp"
-           : measured->task ? measured->task
-                            : "-",
-           tick_us, mean_us, 1e-3 * (double)histogram_percentile(times, 0.5),
+           measured->task ? measured->task : "-", tick_us, mean_us,
+           1e-3 * (double)histogram_percentile(times, 0.5),
            1e-3 * (double)histogram_percentile(times, 0.99),
            1e-3 * (double)histogram_percentile(times, 0.999), 1e-3 * (double)times->max,
            tick_us / mean_us);
@@ -651,8 +645,6 @@ int bench_ticks(int argc, char **argv)
          "of all rigs; by default that of the list below, else none", .value = &t.task},
         {"--seconds", OPTION_REAL, "S", "simulated time of each, 10 by default",
          .value = &t.seconds, .min = 0.1, .max = 1e5, .unit = "seconds"},
-        {"--limp", OPTION_FLAG, NULL, "let the robot fall and time it on the ground",
-         .value = &t.limp},
     };
     struct command_spec spec = {
         .name = "ticks",
