@@ -369,19 +369,4 @@ enum error_code paper_squat(struct paper *paper, struct error *error);
 enum error_code paper_speed(struct paper *paper, const struct pendulum_table *table,
                             struct error *error);
 
-/* ---- allocations ---- */
-
-/*
- * Counts allocations. The program replaces malloc with a function that counts and calls the C
- * library, so it also counts allocations in shared libraries. It cannot count in a build with
- * sanitizers, because they replace malloc too.
- */
-
-/* True if this build counts allocations: with glibc and without sanitizers. */
-extern const bool bench_allocations_counted;
-
-/* Returns the number of allocations by this thread so far, or 0 if this build does not count.
- * RT-safe. */
-size_t bench_allocations(void);
-
 #endif

@@ -18,14 +18,11 @@
 /* Number of motions per scene and of engines; index of the native engine. */
 enum { POSES = 16, ENGINES = 2, NATIVE = 0 };
 
-static const char *const engine_name[ENGINES] = {"native", "simbody"};
-
 /* A measured scene: its motions and its results. */
 struct result {
     struct body_motion motion[POSES][BENCH_BODIES];
     struct contact_world *world[ENGINES];
-    double *us[ENGINES];         /* time of one evaluation in each round */
-    double allocations[ENGINES]; /* allocations per evaluation */
+    double *us[ENGINES]; /* time of one evaluation in each round */
 };
 
 /* A running benchmark. */
@@ -70,37 +67,30 @@ static enum error_code contact_bench_create_worlds(struct bench *bench, struct e
 
 /* ---- measuring ---- */
 
-/* Evaluates every motion several times. Returns the CPU time of one evaluation, us, and counts its
- * allocations. */
+/* Evaluates every motion several times. Returns the CPU time of one evaluation, us. */
 static double contact_bench_time_engine(struct result *r, int engine)
 {
     struct contact_world *world = r->world[engine];
     struct contact_wrench wrench[BENCH_BODIES];
     /* Repeat the native engine, because one evaluation is shorter than the clock's resolution */
     const int repeat = engine == NATIVE ? 20 : 1;
-    size_t allocations = bench_allocations();
-    double start = bench_cpu_s(), us;
+    double start = bench_cpu_s();
 
     for (int i = 0; i < repeat * POSES; i++) {
         if (world->ops->evaluate(world, r->motion[i % POSES], NULL, wrench)) {
             return (double)NAN;
         }
     }
-    us = 1e6 * (bench_cpu_s() - start) / (repeat * POSES);
-    r->allocations[engine] = (double)(bench_allocations() - allocations) / (repeat * POSES);
-    return us;
+    return 1e6 * (bench_cpu_s() - start) / (repeat * POSES);
 }
 
 /* Prints a table of medians, with the ratio of the engines and the target of the native engine. */
 static void contact_bench_print_rounds(struct bench *bench)
 {
-    printf("microseconds of CPU and allocations an evaluation, median of %zu interleaved rounds of "
-           "%d poses;\ntarget: of native, where one is set\n\n%-26s %9s",
-           bench->rounds, POSES, "scene", "triangles");
-    for (int e = 0; e < ENGINES; e++) {
-        printf(" %9s %6s", engine_name[e], "alloc.");
-    }
-    printf(" %8s %8s %8s\n", "ratio", "target", "force N");
+    printf("microseconds of CPU an evaluation, median of %zu interleaved rounds of %d poses;\n"
+           "target: of native, where one is set\n\n%-26s %9s %9s %9s %8s %8s %8s\n",
+           bench->rounds, POSES, "scene", "triangles", "native", "simbody", "ratio", "target",
+           "force N");
 
     /* One row per scene: both engines, their ratio, and the force, which shows that the bodies
      * touch */
@@ -114,11 +104,6 @@ static void contact_bench_print_rounds(struct bench *bench)
         for (int e = 0; e < ENGINES; e++) {
             us[e] = bench_median(r->us[e], bench->rounds);
             printf(" %9.3f", us[e]);
-            if (bench_allocations_counted) {
-                printf(" %6.0f", r->allocations[e]);
-            } else {
-                printf(" %6s", "-");
-            }
         }
         r->world[NATIVE]->ops->evaluate(r->world[NATIVE], r->motion[0], NULL, wrench);
         for (size_t b = 0; b < s->config.nbody; b++) {

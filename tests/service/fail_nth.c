@@ -170,33 +170,23 @@ void *mmap(void *address, size_t size, int protection, int flags, int descriptor
     return fails() ? MAP_FAILED : real_mmap(address, size, protection, flags, descriptor, offset);
 }
 
-/* A program with a malloc of its own calls these from there (app/bench/allocations.c). */
-void *__libc_malloc(size_t size);
-void *__libc_calloc(size_t n, size_t size);
-void *__libc_realloc(void *memory, size_t size);
-
-void *__libc_malloc(size_t size)
+void *malloc(size_t size)
 {
     find_all();
     return fails() ? NULL : real_malloc(size);
 }
 
-void *__libc_calloc(size_t n, size_t size)
+void *calloc(size_t n, size_t size)
 {
     find_all();
     return fails() ? NULL : real_calloc(n, size);
 }
 
-void *__libc_realloc(void *memory, size_t size)
+void *realloc(void *memory, size_t size)
 {
     find_all();
     return fails() ? NULL : real_realloc(memory, size);
 }
-
-/* a program without calls these directly */
-void *malloc(size_t size) __attribute__((alias("__libc_malloc")));
-void *calloc(size_t n, size_t size) __attribute__((alias("__libc_calloc")));
-void *realloc(void *memory, size_t size) __attribute__((alias("__libc_realloc")));
 
 /* ---- system calls: a filter stops the call, the tracer changes or answers it ---- */
 
