@@ -334,18 +334,8 @@ enum error_code paper_run(const struct paper *paper, const struct paper_order *o
                           struct paper_run *run, struct error *error);
 void paper_run_end(const struct paper *paper, struct paper_run *run);
 
-/* Writes the path of the candump log of a recorded run. */
-void paper_log_path(const struct paper *paper, char path[PATH_MAX]);
-
-/* ---- kinematics from a recording ---- */
-
-/* Computes the poses of all bodies in the world frame. base: position and quaternion of the base.
- * place, m, and turn (rotation from body to world) have one entry per body. */
-void paper_place_bodies(const struct robot *robot, const double base[7], const double *q,
-                        double (*place)[3], double (*turn)[9]);
-
-/* Computes the height of the center of mass, m. */
-double paper_mass_height(const struct robot *robot, double (*place)[3], double (*turn)[9]);
+/* Writes the path of a file in the recording's folder, or of the folder itself if name is "". */
+void paper_recorded_path(const struct paper *paper, const char *name, char path[PATH_MAX]);
 
 /* ---- numbers from series ---- */
 
@@ -361,7 +351,7 @@ double paper_smallest(const double *x, const double *y, size_t count, double fro
 struct pendulum_table;
 enum error_code paper_pendulums(struct paper *paper, struct pendulum_table *table,
                                 struct error *error);
-/* Measures Table 2 and Figs. 8 to 11. */
+/* Measures Table 2 and Figs. 9 to 11. */
 enum error_code paper_grasp(struct paper *paper, struct error *error);
 /* Measures Fig. 12. */
 enum error_code paper_squat(struct paper *paper, struct error *error);

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reproduces the paper's section 6, Table 2 and Figs. 8 to 11: COMAN takes a box from a table. */
+/* Reproduces the paper's section 6, Table 2 and Figs. 9 to 11: COMAN takes a box from a table. */
 #include "app/bench/bench.h"
-
-#include "model/spatial.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -23,11 +21,7 @@ enum {
     FOOT_LEFT,
     TORQUE_RIGHT,
     TORQUE_LEFT,
-    BOX_X,
-    BOX_Y,
     BOX_HEIGHT,
-    BASE,                     /* position and quaternion */
-    GRASP_SIGNALS = BASE + 7, /* the angles of all joints follow */
 };
 
 /* A recorded run of the task; pointers are valid until paper_run_end. */
@@ -41,26 +35,20 @@ struct grasp_result {
     double gravity;             /* m/s2 */
 };
 
-enum { MOMENTS = 3, POINTS_MAX = 512, VIEWS = 2 };
-
 /* The recorded signals, in the order of the columns. */
 static const char titles[] =
     "q_RShSag_rad|q_RShLat_rad|q_RShYaw_rad|q_RElbj_rad|qm_RElbj_rad|fz_box_n|fy_right_wrist_on_"
     "box_n|fy_left_wrist_on_box_n|fz_right_wrist_on_box_n|fz_left_wrist_on_box_n|fz_ground_on_"
-    "right_foot_n|fz_ground_on_left_foot_n|my_right_wrist_on_box_nm|my_left_wrist_on_box_nm|box_x_"
-    "m|box_y_m|box_z_m|base_x_m|base_y_m|base_z_m|base_qw|base_qx|base_qy|base_qz";
+    "right_foot_n|fz_ground_on_left_foot_n|my_right_wrist_on_box_nm|my_left_wrist_on_box_nm|box_z_"
+    "m";
 
 /* Runs the task and reads the results. The results point into run, which owns them until
  * paper_run_end. */
 static enum error_code grasp_run(const struct paper *paper, const char *rig, struct paper_run *run,
                                  struct grasp_result *result, struct error *error)
 {
-    const struct paper_order order = {.rig = rig,
-                                      .task = "grasp",
-                                      .clock = LOOP_CLOCK_LOCKSTEP,
-                                      .titles = titles,
-                                      .joints = true,
-                                      .row_ms = 2};
+    const struct paper_order order = {
+        .rig = rig, .task = "grasp", .clock = LOOP_CLOCK_LOCKSTEP, .titles = titles, .row_ms = 2};
     enum error_code code = paper_run(paper, &order, run, error);
     const struct grasp_config *grasp = &run->rig.grasp;
     double begin;
@@ -162,197 +150,6 @@ static void put_table_2(struct report *report, const struct rig *rig)
                        surfaces[i].why);
         }
     }
-}
-
-/* ---- Fig. 8 ---- */
-
-/* A polyline, with gaps, in two views: from the right (x and z) and from the front (y and z). */
-struct drawing {
-    double across[VIEWS][POINTS_MAX], up[POINTS_MAX];
-    size_t count;
-};
-
-/* Adds a point, m, to both views. NULL starts a gap. */
-static void put_point(struct drawing *drawing, const double point[3])
-{
-    if (drawing->count < POINTS_MAX) {
-        drawing->across[0][drawing->count] = point ? point[0] : (double)NAN;
-        drawing->across[1][drawing->count] = point ? point[1] : (double)NAN;
-        drawing->up[drawing->count++] = point ? point[2] : (double)NAN;
-    }
-}
-
-/* Adds a line between two points. */
-static void put_segment(struct drawing *drawing, const double from[3], const double to[3])
-{
-    put_point(drawing, from);
-    put_point(drawing, to);
-    put_point(drawing, NULL);
-}
-
-/* Adds the outline of an upright box in both views. */
-static void put_box(struct drawing *drawing, const double middle[3], const double half[3])
-{
-    static const double corner[5][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}, {-1, -1}};
-
-    for (size_t i = 0; i < 5; i++) {
-        const double point[3] = {middle[0] + corner[i][0] * half[0],
-                                 middle[1] + corner[i][0] * half[1],
-                                 middle[2] + corner[i][1] * half[2]};
-
-        put_point(drawing, point);
-    }
-    put_point(drawing, NULL);
-}
-
-/* Adds the spheres of the wrists, with lines to them from the body's origin. */
-static void draw_wrists(struct drawing *drawing, const struct rig *rig, double (*place)[3],
-                        double (*turn)[9])
-{
-    for (size_t i = 0; i < rig->contact.nsurface; i++) {
-        const struct contact_surface *surface = &rig->contact.surface[i];
-        int body = surface->body < 0 ? -1 : rig->contact_body[surface->body];
-        double offset[3], end[3];
-
-        if (body < 0 || (size_t)body >= rig->robot->nbody || surface->shape != CONTACT_SPHERE) {
-            continue;
-        }
-        mat3_apply(turn[body], surface->position, offset);
-        for (int k = 0; k < 3; k++) {
-            end[k] = place[body][k] + offset[k];
-        }
-        put_segment(drawing, place[body], end);
-    }
-}
-
-/* Adds the outlines of the soles. */
-static void draw_feet(struct drawing *drawing, const struct rig *rig, double (*place)[3],
-                      double (*turn)[9])
-{
-    for (size_t i = 0; i < rig->contact.nsurface; i++) {
-        const struct contact_surface *surface = &rig->contact.surface[i];
-        int body = surface->body < 0 ? -1 : rig->contact_body[surface->body];
-        double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
-        double middle[3], half[3];
-
-        if (body < 0 || (size_t)body >= rig->robot->nbody || surface->shape != CONTACT_MESH) {
-            continue;
-        }
-
-        /* Find the bounding box of the vertices in the world */
-        for (size_t v = 0; v < surface->mesh->nvertex; v++) {
-            double local[3], world[3];
-
-            mat3_apply(surface->rotation, surface->mesh->vertex[v], local);
-            for (int k = 0; k < 3; k++) {
-                local[k] += surface->position[k];
-            }
-            mat3_apply(turn[body], local, world);
-            for (int k = 0; k < 3; k++) {
-                low[k] = fmin(low[k], place[body][k] + world[k]);
-                high[k] = fmax(high[k], place[body][k] + world[k]);
-            }
-        }
-        for (int k = 0; k < 3; k++) {
-            middle[k] = 0.5 * (low[k] + high[k]);
-            half[k] = 0.5 * (high[k] - low[k]);
-        }
-        put_box(drawing, middle, half);
-    }
-}
-
-/* Draws the robot in one row of the recording: lines between joints, the wrists, the feet and the
- * box. */
-static void draw_robot(struct drawing *drawing, const struct grasp_result *result, size_t row)
-{
-    const struct robot *robot = result->rig->robot;
-    double place[SIGNALS_MAX][3], turn[SIGNALS_MAX][9], q[SIGNALS_MAX], base[7], box[3];
-    static const double half[3] = {0.075, 0.075, 0.075};
-
-    for (int k = 0; k < 7; k++) {
-        base[k] = result->value[BASE + k][row];
-    }
-    for (size_t j = 0; j < robot->njoint; j++) {
-        q[j] = result->value[GRASP_SIGNALS + j][row];
-    }
-    paper_place_bodies(robot, base, q, place, turn);
-    for (size_t b = 1; b < robot->nbody; b++) {
-        put_segment(drawing, place[robot->body[b].parent], place[b]);
-    }
-    draw_wrists(drawing, result->rig, place, turn);
-    draw_feet(drawing, result->rig, place, turn);
-    for (int k = 0; k < 3; k++) {
-        box[k] = result->value[BOX_X + k][row];
-    }
-    put_box(drawing, box, half);
-}
-
-/* Returns the first row at or after a time, or the last row if there is none. */
-static size_t row_at(const struct grasp_result *result, double time)
-{
-    size_t row = 0;
-
-    while (row + 1 < result->count && result->time[row] < time) {
-        row++;
-    }
-    return row;
-}
-
-/* Draws Fig. 8, left: the robot at the start, at the touch and at the end, as lines between the
- * joints. */
-static void draw_grasp(struct report *report, const struct grasp_result *result)
-{
-    static const char *const views[VIEWS] = {"From the right", "From the front"};
-    static const char *const across[VIEWS] = {"x, m", "y, m"};
-    static const char *const names[MOMENTS + 1] = {"at the start", "wrists touch", "box held",
-                                                   "table"};
-    struct drawing *drawing = calloc(MOMENTS + 1, sizeof *drawing);
-    struct svg_series series[VIEWS][MOMENTS + 1];
-    struct svg_plot panel[VIEWS];
-
-    report_section(report, "scene", "Fig. 8: COMAN takes a box from a table");
-    if (!drawing) {
-        return;
-    }
-
-    /* Draw three moments, and the table in each of them */
-    draw_robot(&drawing[0], result, 0);
-    draw_robot(&drawing[1], result, row_at(result, result->touch));
-    draw_robot(&drawing[2], result, result->count - 1);
-    for (size_t i = 0; i < result->rig->contact.nsurface; i++) {
-        const struct contact_surface *surface = &result->rig->contact.surface[i];
-
-        if (surface->body < 0 && surface->shape == CONTACT_BOX) {
-            put_box(&drawing[3], surface->position, surface->half_extent_m);
-        }
-    }
-
-    /* One panel per view */
-    for (size_t v = 0; v < VIEWS; v++) {
-        for (size_t i = 0; i <= MOMENTS; i++) {
-            series[v][i] = svg_line(names[i], drawing[i].across[v], drawing[i].up, drawing[i].count,
-                                    i == 0 ? SVG_DASHED : SVG_LINE);
-        }
-        /* Same scale on both axes: the drawing area of 404 x 520 px shows 0.8 m x 1.03 m */
-        panel[v] =
-            (struct svg_plot){.title = views[v],
-                              .x = {.label = across[v],
-                                    .fixed = true,
-                                    .min = v ? -0.40 : -0.35,
-                                    .max = v ? 0.40 : 0.45},
-                              .y = {.label = "z, m", .fixed = true, .min = -0.03, .max = 1.0},
-                              .series = series[v],
-                              .nseries = MOMENTS + 1,
-                              .width = 520,
-                              .height = 648};
-    }
-    report_figure(
-        report, "figure-8",
-        "Paper: pictures of the task, and of COMAN walking over a bump. Here: the robot as the "
-        "lines between its joints, its soles and the box, at three moments of the run. The "
-        "walk is not reproduced: its controller is another paper's.",
-        panel, VIEWS);
-    free(drawing);
 }
 
 /* ---- Fig. 9 ---- */
@@ -622,7 +419,6 @@ enum error_code paper_grasp(struct paper *paper, struct error *error)
     }
     if (!code) {
         put_table_2(report, result[0].rig);
-        draw_grasp(report, &result[0]);
         put_figure_9(report, &result[0]);
         report_section(report, "forces", "Fig. 10: the contact forces");
 

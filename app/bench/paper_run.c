@@ -2,7 +2,6 @@
 /* Runs rigs for the report, and computes values from their recordings. */
 #include "app/bench/bench.h"
 
-#include "model/spatial.h"
 #include "sim/simulator.h"
 
 #include <math.h>
@@ -13,17 +12,9 @@
 
 #define ARENA_BYTES ((size_t)512 << 20) /* reserved address space; unused pages cost nothing */
 
-static const char recording[] = ".recording";
-
-/* Writes the path of a file in the recording's folder, or of the folder itself if name is "". */
-static void recorded_path(const struct paper *paper, const char *name, char path[PATH_MAX])
+void paper_recorded_path(const struct paper *paper, const char *name, char path[PATH_MAX])
 {
-    snprintf(path, PATH_MAX, "%s/%s%s%s", paper->folder, recording, name[0] ? "/" : "", name);
-}
-
-void paper_log_path(const struct paper *paper, char path[PATH_MAX])
-{
-    recorded_path(paper, "candump.log", path);
+    snprintf(path, PATH_MAX, "%s/.recording%s%s", paper->folder, name[0] ? "/" : "", name);
 }
 
 /* Runs until the task ends, and stores the times. Returns an error if the task fails. */
@@ -83,7 +74,7 @@ static enum error_code paper_run_simulate(const struct paper *paper,
     struct simulator *simulator;
     enum error_code code;
 
-    recorded_path(paper, "", directory);
+    paper_recorded_path(paper, "", directory);
     code = simulator_create(&config, &run->arena, &simulator, notice, error);
     if (code) {
         return code;
@@ -117,7 +108,7 @@ static enum error_code read_signals(const struct paper *paper, const struct pape
         snprintf(name[j], sizeof name[j], "q_%s_rad", robot->joint[j].name);
         title[count++] = name[j];
     }
-    recorded_path(paper, "signals.csv", path);
+    paper_recorded_path(paper, "signals.csv", path);
     return signals_read(path, title, count, 0.0, INFINITY, &run->signals, error);
 }
 
@@ -150,49 +141,13 @@ void paper_run_end(const struct paper *paper, struct paper_run *run)
     char path[PATH_MAX];
 
     for (size_t i = 0; i < 2; i++) {
-        recorded_path(paper, names[i], path);
+        paper_recorded_path(paper, names[i], path);
         unlink(path);
     }
-    recorded_path(paper, "", path);
+    paper_recorded_path(paper, "", path);
     rmdir(path);
     signals_free(&run->signals);
     arena_fini(&run->arena);
-}
-
-/* ---- kinematics ---- */
-
-void paper_place_bodies(const struct robot *robot, const double base[7], const double *q,
-                        double (*place)[3], double (*turn)[9])
-{
-    memcpy(place[0], base, 3 * sizeof(double));
-    mat3_from_quaternion(base + 3, turn[0]);
-    for (size_t j = 0; j < robot->njoint; j++) {
-        const struct robot_joint *joint = &robot->joint[j];
-        int parent = robot->body[j + 1].parent;
-        double local[9], fixed[9], offset[3];
-
-        /* R = R_parent R_joint R_axis(q); the joint's origin is fixed in the parent */
-        mat3_about_axis(joint->axis, q[j], local);
-        mat3_mul(turn[parent], joint->rotation, fixed);
-        mat3_mul(fixed, local, turn[j + 1]);
-        mat3_apply(turn[parent], joint->origin, offset);
-        for (int k = 0; k < 3; k++) {
-            place[j + 1][k] = place[parent][k] + offset[k];
-        }
-    }
-}
-
-double paper_mass_height(const struct robot *robot, double (*place)[3], double (*turn)[9])
-{
-    double sum = 0.0;
-
-    for (size_t b = 0; b < robot->nbody; b++) {
-        double com[3];
-
-        mat3_apply(turn[b], robot->body[b].inertia.com, com);
-        sum += robot->body[b].inertia.mass * (place[b][2] + com[2]);
-    }
-    return sum / robot->total_mass;
 }
 
 /* ---- numbers from series ---- */

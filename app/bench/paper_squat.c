@@ -2,6 +2,8 @@
 /* Reproduces the paper's Fig. 12: WALK-MAN squats. */
 #include "app/bench/bench.h"
 
+#include "base/array.h"
+#include "base/vec3.h"
 #include "boards/icub/protocol.h"
 #include "canbus/candump.h"
 
@@ -42,28 +44,14 @@ static double hip_reference(const struct squat_config *squat, double top, double
     return -asin(b * sin(knee) / height);
 }
 
-/* Allocates the derived series. Returns false without memory. */
-static bool squat_allocate_series(struct squat *squat, struct arena *arena)
-{
-    double **array[] = {&squat->reference, &squat->hip,  &squat->knee,
-                        &squat->height,    &squat->feet, &squat->newton};
-
-    for (size_t i = 0; i < sizeof array / sizeof array[0]; i++) {
-        *array[i] = arena_alloc(arena, squat->count + 1, sizeof(double));
-        if (!*array[i]) {
-            return false;
-        }
-    }
-    return true;
-}
-
 /* Computes heights of base and center of mass, angles and forces of every row. Returns false
  * without memory. */
 static bool squat_derive_series(struct squat *squat, struct arena *arena)
 {
     const struct robot *robot = squat->rig->robot;
-    double(*place)[3] = arena_alloc(arena, robot->nbody, sizeof *place);
-    double(*turn)[9] = arena_alloc(arena, robot->nbody, sizeof *turn);
+    struct body_motion *body = arena_alloc(arena, robot->nbody, sizeof *body);
+    double **array[] = {&squat->reference, &squat->hip,  &squat->knee,
+                        &squat->height,    &squat->feet, &squat->newton};
     double *q = arena_alloc(arena, robot->njoint, sizeof *q);
     double *mass_height = arena_alloc(arena, squat->count + 1, sizeof *mass_height);
     int hip = robot_find_joint(robot, "RHipSag"), knee = robot_find_joint(robot, "RKneeSag");
@@ -71,7 +59,13 @@ static bool squat_derive_series(struct squat *squat, struct arena *arena)
     double bent = squat->rig->joint[knee], step = 1e-3 * ROW_MS, top;
     enum { HALF = 2 }; /* rows on each side of an acceleration */
 
-    if (!place || !turn || !q || !mass_height || !squat_allocate_series(squat, arena)) {
+    for (size_t i = 0; i < ARRAY_COUNT(array); i++) {
+        *array[i] = arena_alloc(arena, squat->count + 1, sizeof(double));
+        if (!*array[i]) {
+            return false;
+        }
+    }
+    if (!body || !q || !mass_height) {
         return false;
     }
 
@@ -87,8 +81,14 @@ static bool squat_derive_series(struct squat *squat, struct arena *arena)
         for (size_t j = 0; j < robot->njoint; j++) {
             q[j] = squat->value[JOINTS + j][i];
         }
-        paper_place_bodies(robot, base, q, place, turn);
-        mass_height[i] = paper_mass_height(robot, place, turn);
+        robot_place_bodies(robot, base, base + 3, q, body);
+        for (size_t b = 0; b < robot->nbody; b++) {
+            double com[3];
+
+            mat3_apply(body[b].R, robot->body[b].inertia.com, com);
+            mass_height[i] +=
+                robot->body[b].inertia.mass / robot->total_mass * (body[b].p[2] + com[2]);
+        }
         squat->height[i] = base[2];
         squat->reference[i] = hip_reference(task, top, squat->time[i]);
         squat->hip[i] = q[hip];
@@ -286,7 +286,7 @@ static enum error_code squat_put_section(struct paper *paper, struct paper_run *
     for (size_t i = 0; i < squat.count; i++) {
         squat.time[i] -= begin;
     }
-    paper_log_path(paper, path);
+    paper_recorded_path(paper, "candump.log", path);
     code = squat_read_force_board(&squat, path, begin, &arena, error);
     if (!code && !squat_derive_series(&squat, &arena)) {
         code = error_set(error, ERROR_MEMORY, "no memory for the squat's figures");

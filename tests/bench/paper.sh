@@ -87,7 +87,7 @@ check(len(set(page.ids)) == len(page.ids) and set(page.links) <= set(page.ids) a
       "its names are unique, its links lead somewhere, and it needs no other file",
       f"{len(page.ids)} names, {len(page.links)} links, {page.outside[:3]}")
 
-figures = {3: 2, 4: 1, 8: 2, 9: 4, 10: 4, 11: 2, 12: 4}
+figures = {3: 2, 4: 1, 9: 4, 10: 4, 11: 2, 12: 4}
 tables = ("table-1", "table-2", "real-time-factors", "accelerations", "table-1-speed",
           "choices-made", "not-reproduced")
 missing = [f"figure-{n}" for n in figures if f"figure-{n}" not in page.ids
