@@ -34,18 +34,6 @@ static void completion_put_text(const char *text, FILE *out)
     putc('\n', out);
 }
 
-/* Returns the kind of an option's value. */
-static const char *completion_find_kind(const struct option_spec *option)
-{
-    return option->type == OPTION_FLAG            ? "flag"
-           : option->type == OPTION_ENUM          ? "words"
-           : option->noun                         ? "noun"
-           : strcmp(option->argument, "DIR") == 0 ? "folders"
-           : strcmp(option->argument, "FILE") == 0 || strcmp(option->argument, "PATH") == 0
-               ? "files"
-               : "";
-}
-
 void completion_put_rows(const struct command_spec *spec, FILE *out)
 {
     fprintf(out, "%s;command;;;;;;", spec->name);
@@ -54,7 +42,14 @@ void completion_put_rows(const struct command_spec *spec, FILE *out)
         const struct option_spec *option = &spec->option[i];
 
         fprintf(out, "%s;option;%s;%s;%s;%s", spec->name, option->name,
-                option->letter ? option->letter : "", completion_find_kind(option),
+                option->letter ? option->letter : "",
+                option->type == OPTION_FLAG            ? "flag"
+                : option->type == OPTION_ENUM          ? "words"
+                : option->noun                         ? "noun"
+                : strcmp(option->argument, "DIR") == 0 ? "folders"
+                : strcmp(option->argument, "FILE") == 0 || strcmp(option->argument, "PATH") == 0
+                    ? "files"
+                    : "",
                 option->noun ? option->noun : "");
         for (const struct word *w = option->words; w && w->word; w++) {
             fprintf(out, "%s ", w->word);

@@ -77,20 +77,6 @@ static bool series_find_signals(struct viewer *viewer, const json_t *names, stru
     return true;
 }
 
-/* Finds the rows of the history in the same way. */
-static void series_find_kept(const struct history *history, const struct viewer_message *message,
-                             struct series *series)
-{
-    uint64_t begin = history_begin(history), end = history_end(history);
-
-    if (message->from_s <= message->to_s) {
-        series->first = history_find(history, (int64_t)floor(message->from_s * 1e9));
-        series->end = history_find(history, (int64_t)ceil(message->to_s * 1e9)) + 2;
-        series->first -= series->first > begin ? 1 : 0;
-        series->end = series->end > end ? end : series->end;
-    }
-}
-
 /* Returns the number of points in the message: two per group of rows. */
 static size_t series_points(const struct series *series)
 {
@@ -214,7 +200,15 @@ bool client_send_series(struct viewer *viewer, struct viewer_client *client,
             series.end = series.end > table->nrow ? table->nrow : series.end;
         }
     } else {
-        series_find_kept(viewer->history, message, &series);
+        /* Find the rows of the history in the same way */
+        uint64_t begin = history_begin(viewer->history), end = history_end(viewer->history);
+
+        if (message->from_s <= message->to_s) {
+            series.first = history_find(viewer->history, (int64_t)floor(message->from_s * 1e9));
+            series.end = history_find(viewer->history, (int64_t)ceil(message->to_s * 1e9)) + 2;
+            series.first -= series.first > begin ? 1 : 0;
+            series.end = series.end > end ? end : series.end;
+        }
     }
 
     /* Choose the group size so that the points fit in one message, and other messages have

@@ -261,18 +261,6 @@ static enum error_code answer_start(const char *program, const char *rig, bool v
     return error_set(error, ERROR_SYSTEM, "%s run %s does not start: %s", program, rig, line);
 }
 
-/* Ends the simulator and removes its files. */
-static void answer_stop(struct answer_run *run)
-{
-    if (run->process > 0) {
-        kill(run->process, SIGTERM);
-        waitpid(run->process, NULL, 0);
-    }
-    remove(answer_path(run, "said"));
-    remove(answer_path(run, "rig.yaml"));
-    rmdir(run->folder);
-}
-
 /* Writes the request as a command of the gateway. */
 static void answer_format_gateway(const struct bus_frame *frame, char *text, size_t size)
 {
@@ -366,7 +354,15 @@ enum error_code bench_answers(const char *program, size_t count, struct error *e
         } else if (!code) {
             answer_measure_text(of, &run, count);
         }
-        answer_stop(&run);
+
+        /* End the simulator and remove its files */
+        if (run.process > 0) {
+            kill(run.process, SIGTERM);
+            waitpid(run.process, NULL, 0);
+        }
+        remove(answer_path(&run, "said"));
+        remove(answer_path(&run, "rig.yaml"));
+        rmdir(run.folder);
     }
     if (can < 0) {
         printf("not measured: vcan, which this kernel or network does not have as can1\n");

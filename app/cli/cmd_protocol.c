@@ -362,19 +362,6 @@ static void protocol_put_faults(const struct described_protocol *described, bool
     }
 }
 
-static void protocol_page_print_described(const struct described_protocol *described, FILE *out)
-{
-    const struct boards_bus_config bus = {.protocol = &protocol_described, .described = described};
-    static struct protocol_frames frames;
-
-    fprintf(out, "# What `%s` boards speak\n\n", described->name);
-    options_wrap(described->description, 0, 0, out);
-    protocol_collect(&bus, &frames);
-    protocol_put_sections(&frames, out);
-    fputs("\n## Faults\n\nHow it tells each fault:\n\n", out);
-    protocol_put_faults(described, false, out);
-}
-
 enum { MEMORY = 8 << 20, FAULTS_MEMORY = 64 << 20, NAMES_MAX = 16 };
 
 /* Prints a protocol that a file describes; name is a path or a name of the catalogue. */
@@ -388,7 +375,16 @@ static enum error_code print_described(const char *name, struct error *error)
     code = code ? code : arena_init(&arena, MEMORY, error);
     code = code ? code : described_load(path, false, &arena, &protocol, error);
     if (!code) {
-        protocol_page_print_described(protocol, stdout);
+        const struct boards_bus_config bus = {.protocol = &protocol_described,
+                                              .described = protocol};
+        static struct protocol_frames frames;
+
+        fprintf(stdout, "# What `%s` boards speak\n\n", protocol->name);
+        options_wrap(protocol->description, 0, 0, stdout);
+        protocol_collect(&bus, &frames);
+        protocol_put_sections(&frames, stdout);
+        fputs("\n## Faults\n\nHow it tells each fault:\n\n", stdout);
+        protocol_put_faults(protocol, false, stdout);
     }
     arena_fini(&arena);
     return code;

@@ -65,27 +65,23 @@ static void print_gateway(struct simulator *simulator)
     }
 }
 
-/* Prints the counters of the control socket, if it had clients. */
-static void print_control(const struct control *control)
-{
-    struct control_counters counters;
-
-    control_counters(control, &counters);
-    if (counters.clients + counters.refused > 0) {
-        printf("control: %" PRIu64 " clients, %" PRIu64 " refused, %" PRIu64
-               " disconnected; %" PRIu64 " requests, %" PRIu64 " refused; %" PRIu64
-               " rows, %" PRIu64 " missed\n",
-               counters.clients, counters.refused,
-               counters.cut_junk + counters.cut_slow + counters.cut_silent + counters.cut_idle,
-               counters.requests, counters.refused_requests, counters.rows, counters.missed_rows);
-    }
-}
-
 /* Prints the counters of the clients. Call it after control_stop. */
 static void print_clients(const struct control *control, const struct page *page)
 {
     if (control) {
-        print_control(control);
+        /* Print the counters of the control socket, if it had clients */
+        struct control_counters counters;
+
+        control_counters(control, &counters);
+        if (counters.clients + counters.refused > 0) {
+            printf("control: %" PRIu64 " clients, %" PRIu64 " refused, %" PRIu64
+                   " disconnected; %" PRIu64 " requests, %" PRIu64 " refused; %" PRIu64
+                   " rows, %" PRIu64 " missed\n",
+                   counters.clients, counters.refused,
+                   counters.cut_junk + counters.cut_slow + counters.cut_silent + counters.cut_idle,
+                   counters.requests, counters.refused_requests, counters.rows,
+                   counters.missed_rows);
+        }
     }
     page_print(page);
 }

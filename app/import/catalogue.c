@@ -37,24 +37,6 @@ static char *drive_name_own(const char *name, struct arena *arena)
     return file ? strcat(strcpy(file, before), name) : NULL;
 }
 
-/* Refuses two different drive files with the same name, because their copies would be in the same
- * folder. */
-static enum error_code robot_check_drive_copies(const struct import_robot *to, struct error *error)
-{
-    for (size_t j = 0; j < to->robot->njoint; j++) {
-        for (size_t k = 0; k < j && to->drive_copy[j]; k++) {
-            if (to->drive_copy[k] && strcmp(to->drive_file[j], to->drive_file[k]) == 0 &&
-                strcmp(to->drive_copy[j], to->drive_copy[k]) != 0) {
-                return error_set(error, ERROR_INPUT,
-                                 "--drive: found \"%.200s\" and \"%.200s\", expected files with "
-                                 "different names",
-                                 to->drive_copy[k], to->drive_copy[j]);
-            }
-        }
-    }
-    return ERROR_NONE;
-}
-
 /* Finds the drive file of an option. A path (with "/" or ".") is a user's own file, which the
  * import copies to its folder drives. Another name is in the catalogue. */
 static enum error_code drive_pick_locate(struct drive_pick *pick, struct arena *arena,
@@ -180,5 +162,19 @@ enum error_code import_pick_drives(const struct import_options *options, struct 
             return drive_pick_refuse(&pick, robot, arena, error);
         }
     }
-    return robot_check_drive_copies(to, error);
+
+    /* Refuse two different drive files with the same name, because their copies would be in the
+     * same folder */
+    for (size_t j = 0; j < to->robot->njoint; j++) {
+        for (size_t k = 0; k < j && to->drive_copy[j]; k++) {
+            if (to->drive_copy[k] && strcmp(to->drive_file[j], to->drive_file[k]) == 0 &&
+                strcmp(to->drive_copy[j], to->drive_copy[k]) != 0) {
+                return error_set(error, ERROR_INPUT,
+                                 "--drive: found \"%.200s\" and \"%.200s\", expected files with "
+                                 "different names",
+                                 to->drive_copy[k], to->drive_copy[j]);
+            }
+        }
+    }
+    return ERROR_NONE;
 }

@@ -327,19 +327,6 @@ static enum error_code import_make_folders(struct importer *m)
     return code;
 }
 
-/* Removes the new folders that are empty, subfolders first. */
-static void import_remove_folders(const struct importer *m)
-{
-    char path[PATH_MAX];
-
-    for (size_t i = IMPORT_FOLDERS; i-- > 0;) {
-        snprintf(path, sizeof path, "%s%s", m->request->folder, import_folder[i]);
-        if (m->made[i]) {
-            rmdir(path);
-        }
-    }
-}
-
 /* ---- the bench ---- */
 
 /* Checks whether a name contains a word, delimited by other characters than letters or the name's
@@ -599,7 +586,15 @@ enum error_code import_run(const struct import_request *request, struct arena *a
         import_remove_files(&m);
     }
     if (code) {
-        import_remove_folders(&m);
+        /* Remove the new folders that are empty, subfolders first */
+        char path[PATH_MAX];
+
+        for (size_t i = IMPORT_FOLDERS; i-- > 0;) {
+            snprintf(path, sizeof path, "%s%s", m.request->folder, import_folder[i]);
+            if (m.made[i]) {
+                rmdir(path);
+            }
+        }
     }
     return code;
 }

@@ -101,20 +101,6 @@ static void mjcf_check_equality(const struct import_reader *r, const xmlNode *eq
     }
 }
 
-/* Reads the top-level sections except bodies: reads compiler settings, and refuses loops. */
-static void mjcf_read_settings(struct import_reader *r)
-{
-    for (const xmlNode *node = xml_child(r->file->root, NULL); node; node = xml_next(node, NULL)) {
-        if (xml_is(node, "compiler")) {
-            mjcf_read_compiler(r, node);
-        } else if (xml_is(node, "equality")) {
-            mjcf_check_equality(r, node);
-        } else {
-            mjcf_refuse_unexpanded(r, node);
-        }
-    }
-}
-
 /* Finds the site of the first gyro or accelerometer, which becomes the inertial sensor. Adds notes
  * that sensors at other places are dropped. */
 static void mjcf_find_imu(struct import_reader *r)
@@ -546,7 +532,18 @@ enum error_code mjcf_read(const struct xml_file *file, const struct import_packa
 
     /* Bodies need settings and classes; actuators, couplings and keyframes need bodies */
     mjcf_index(&r);
-    mjcf_read_settings(&r);
+
+    /* Read the compiler settings, and refuse loops */
+    for (const xmlNode *node = xml_child(r.file->root, NULL); node; node = xml_next(node, NULL)) {
+        if (xml_is(node, "compiler")) {
+            mjcf_read_compiler(&r, node);
+        } else if (xml_is(node, "equality")) {
+            mjcf_check_equality(&r, node);
+        } else {
+            mjcf_refuse_unexpanded(&r, node);
+        }
+    }
+
     mjcf_make_room(&r);
     mjcf_find_imu(&r);
     if (error->code) {

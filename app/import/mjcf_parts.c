@@ -30,24 +30,6 @@ static void mjcf_add_classes(struct import_reader *r, const xmlNode *node, const
     }
 }
 
-/* Lists a mesh by its name. The default name is the file name up to the last ".". */
-static void mjcf_add_mesh(struct import_reader *r, const xmlNode *mesh)
-{
-    const char *name = xml_attribute(mesh, "name"), *file = xml_attribute(mesh, "file");
-    const char *slash = file ? strrchr(file, '/') : NULL;
-
-    if (!name && file) {
-        const char *own = slash ? slash + 1 : file, *dot = strrchr(own, '.');
-        const size_t length = dot ? (size_t)(dot - own) : strlen(own);
-        char *base = reader_alloc(r, length + 1, 1);
-
-        name = base ? memcpy(base, own, length) : NULL;
-    }
-    if (name && file) {
-        xml_names_add(&r->meshes, name, NULL, mesh, r->arena, r->error);
-    }
-}
-
 void mjcf_index(struct import_reader *r)
 {
     size_t count = 0;
@@ -65,7 +47,20 @@ void mjcf_index(struct import_reader *r)
     for (const xmlNode *at = mjcf_next(r, "asset", NULL, NULL); at;
          at = mjcf_next(r, "asset", NULL, at)) {
         if (xml_is(at, "mesh")) {
-            mjcf_add_mesh(r, at);
+            /* The default name is the file name up to the last "." */
+            const char *name = xml_attribute(at, "name"), *file = xml_attribute(at, "file");
+            const char *slash = file ? strrchr(file, '/') : NULL;
+
+            if (!name && file) {
+                const char *own = slash ? slash + 1 : file, *dot = strrchr(own, '.');
+                const size_t length = dot ? (size_t)(dot - own) : strlen(own);
+                char *base = reader_alloc(r, length + 1, 1);
+
+                name = base ? memcpy(base, own, length) : NULL;
+            }
+            if (name && file) {
+                xml_names_add(&r->meshes, name, NULL, at, r->arena, r->error);
+            }
         } else if (xml_is(at, "material") && xml_attribute(at, "name")) {
             xml_names_add(&r->materials, xml_attribute(at, "name"), NULL, at, r->arena, r->error);
         }

@@ -111,25 +111,6 @@ static void urdf_list_materials(struct import_reader *r)
     xml_names_sort(&r->materials);
 }
 
-/* Reads the color of a <visual> from its own <material>, else from the named material. Adds a note
- * on a material without a color. */
-static void urdf_read_color(const struct import_reader *r, const xmlNode *visual,
-                            struct import_geometry *shape)
-{
-    const xmlNode *material = xml_child(visual, "material");
-    const char *name = material ? reader_text(material, "name") : "";
-    const struct xml_name *named = xml_names_find(&r->materials, name, NULL);
-
-    shape->colored = material && (material_read_color(material, shape->color) ||
-                                  (named && material_read_color(named->node, shape->color)));
-    if (material && !shape->colored) {
-        reader_note(r, IMPORT_DROPPED, material,
-                    "material \"%.63s\" of link \"%.63s\": no color of four numbers%s", name,
-                    r->model->link[shape->link].name,
-                    xml_child(material, "texture") ? "; textures are not read" : "");
-    }
-}
-
 /* ---- links ---- */
 
 /* Reads <inertial> into the link's frame: mass, and inertia at its origin. */
@@ -261,7 +242,20 @@ static void urdf_read_geometry(const struct import_reader *r, const xmlNode *nod
         }
     }
     if (shape.visual) {
-        urdf_read_color(r, node, &shape);
+        /* Read the color of a <visual> from its own <material>, else from the named material. Add a
+         * note on a material without a color. */
+        const xmlNode *material = xml_child(node, "material");
+        const char *name = material ? reader_text(material, "name") : "";
+        const struct xml_name *named = xml_names_find(&r->materials, name, NULL);
+
+        shape.colored = material && (material_read_color(material, shape.color) ||
+                                     (named && material_read_color(named->node, shape.color)));
+        if (material && !shape.colored) {
+            reader_note(r, IMPORT_DROPPED, material,
+                        "material \"%.63s\" of link \"%.63s\": no color of four numbers%s", name,
+                        r->model->link[shape.link].name,
+                        xml_child(material, "texture") ? "; textures are not read" : "");
+        }
     }
     model->geometry[model->ngeometry++] = shape;
 }
@@ -535,23 +529,6 @@ static size_t xml_count_children(const xmlNode *node, const char *name)
     return count;
 }
 
-/* Allocates the model for all parts of the file, within limits. */
-static void urdf_make_room(const struct import_reader *r)
-{
-    const xmlNode *root = r->file->root;
-    const size_t links = xml_count_children(root, "link"), shapes = xml_count(root, "geometry");
-    const size_t joints = xml_count_children(root, "joint"), sensors = xml_count(root, "sensor");
-
-    if (links == 0 || links > IMPORT_LINKS_MAX || joints > IMPORT_LINKS_MAX ||
-        shapes > IMPORT_GEOMETRY_MAX || sensors > IMPORT_LINKS_MAX) {
-        xml_refuse(r->file, root,
-                   "found %zu links, %zu joints, %zu shapes, %zu sensors, expected 1 to %d links "
-                   "and as many joints and sensors, and at most %d shapes",
-                   links, joints, shapes, sensors, IMPORT_LINKS_MAX, IMPORT_GEOMETRY_MAX);
-    }
-    reader_make_room(r, links + 1, joints, shapes, sensors); /* one more link: the world */
-}
-
 /* Reads the gear ratio of a <transmission>. Drops a transmission without a gear or with several
  * joints, with a note. */
 static void urdf_read_transmission(const struct import_reader *r, const xmlNode *node)
@@ -705,7 +682,21 @@ enum error_code urdf_read(const struct xml_file *file, struct arena *arena,
     xml_check_elements(file);
     urdf_check_root(&r);
     model->name = urdf_need_text(&r, file->root, "name");
-    urdf_make_room(&r);
+
+    /* Allocate the model for all parts of the file, within limits */
+    const xmlNode *root = r.file->root;
+    const size_t links = xml_count_children(root, "link"), shapes = xml_count(root, "geometry");
+    const size_t joints = xml_count_children(root, "joint"), sensors = xml_count(root, "sensor");
+
+    if (links == 0 || links > IMPORT_LINKS_MAX || joints > IMPORT_LINKS_MAX ||
+        shapes > IMPORT_GEOMETRY_MAX || sensors > IMPORT_LINKS_MAX) {
+        xml_refuse(r.file, root,
+                   "found %zu links, %zu joints, %zu shapes, %zu sensors, expected 1 to %d links "
+                   "and as many joints and sensors, and at most %d shapes",
+                   links, joints, shapes, sensors, IMPORT_LINKS_MAX, IMPORT_GEOMETRY_MAX);
+    }
+    reader_make_room(&r, links + 1, joints, shapes, sensors); /* one more link: the world */
+
     urdf_list_materials(&r);
     if (!error->code) {
         urdf_read_elements(&r);

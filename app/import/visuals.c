@@ -66,25 +66,6 @@ static void visual_paint(struct visuals *v, struct robot_visual *visual, const d
     memcpy(visual->color, color, sizeof visual->color);
 }
 
-/* Adds the visual of a sphere, box, cylinder or capsule. */
-static void visual_add_primitive(struct visuals *v, const struct import_geometry *shape)
-{
-    static const enum robot_visual_shape shapes[] = {
-        [IMPORT_SPHERE] = VISUAL_SPHERE,
-        [IMPORT_BOX] = VISUAL_BOX,
-        [IMPORT_CYLINDER] = VISUAL_CYLINDER,
-        [IMPORT_CAPSULE] = VISUAL_CAPSULE,
-    };
-    struct robot_visual *visual = visual_add(v, shape);
-
-    if (visual) {
-        visual->shape = shapes[shape->shape];
-        visual->radius = shape->radius;
-        visual->length = shape->length;
-        memcpy(visual->half, shape->half, sizeof visual->half);
-    }
-}
-
 /* ---- meshes ---- */
 
 /* Adds a visual for each tint of a mesh that has faces, starting with the uncolored faces (-1).
@@ -225,7 +206,21 @@ enum error_code import_add_visuals(const struct import_builder *b)
         } else if (shape->shape == IMPORT_MESH) {
             visual_add_mesh(&v, shape);
         } else {
-            visual_add_primitive(&v, shape);
+            /* Add the visual of a sphere, box, cylinder or capsule */
+            static const enum robot_visual_shape shapes[] = {
+                [IMPORT_SPHERE] = VISUAL_SPHERE,
+                [IMPORT_BOX] = VISUAL_BOX,
+                [IMPORT_CYLINDER] = VISUAL_CYLINDER,
+                [IMPORT_CAPSULE] = VISUAL_CAPSULE,
+            };
+            struct robot_visual *visual = visual_add(&v, shape);
+
+            if (visual) {
+                visual->shape = shapes[shape->shape];
+                visual->radius = shape->radius;
+                visual->length = shape->length;
+                memcpy(visual->half, shape->half, sizeof visual->half);
+            }
         }
     }
     if (v.left_out) {

@@ -244,23 +244,6 @@ enum error_code import_write_rig(const struct import_rig *rig, const char *path,
     return whole_file_close(&file, ERROR_NONE, error);
 }
 
-/* Writes the materials of ground and robot. Their stiffness is proportional to the weight, so that
- * the layers deflect by some tenths of a millimeter under the whole weight. */
-static void write_materials(FILE *out, const struct robot *robot)
-{
-    static const char *const name[] = {"ground", "shell"};
-    double young = 1e5 * fmax(robot->total_mass / 30.0, 0.05);
-
-    fputs("  materials:\n", out);
-    for (int i = 0; i < 2; i++) {
-        fprintf(out,
-                "    %s:\n      young_pa: %.3g\n      thickness_m: %s\n"
-                "      dissipation_s_per_m: 10.0\n      static_friction: 1.0\n"
-                "      dynamic_friction: 0.8\n      viscous_s_per_m: 0.0\n",
-                name[i], young, i == 0 ? "1.0e-3" : "2.0e-4");
-    }
-}
-
 enum error_code import_write_standing(const struct import_rig *rig, const char *path,
                                       struct error *error)
 {
@@ -280,7 +263,21 @@ enum error_code import_write_standing(const struct import_rig *rig, const char *
             "initial:\n  pose: \"%s\"\n  base_xyz_m: [0.0, 0.0, %.6g]\n  settle: true\n\n"
             "scene:\n  engine: native\n  friction: sticking\n",
             robot->name, robot->name, rig->standing, rig->standing_height_m);
-    write_materials(file.out, robot);
+
+    /* Write the materials of ground and robot. Their stiffness is proportional to the weight, so
+     * that the layers deflect by some tenths of a millimeter under the whole weight. */
+    static const char *const name[] = {"ground", "shell"};
+    double young = 1e5 * fmax(robot->total_mass / 30.0, 0.05);
+
+    fputs("  materials:\n", file.out);
+    for (int i = 0; i < 2; i++) {
+        fprintf(file.out,
+                "    %s:\n      young_pa: %.3g\n      thickness_m: %s\n"
+                "      dissipation_s_per_m: 10.0\n      static_friction: 1.0\n"
+                "      dynamic_friction: 0.8\n      viscous_s_per_m: 0.0\n",
+                name[i], young, i == 0 ? "1.0e-3" : "2.0e-4");
+    }
+
     fputs("  surfaces:\n"
           "    - {name: ground, body: world, shape: half_space, material: ground}\n"
           "  robot_surfaces: {material: shell, self_collision: false}\n\n"

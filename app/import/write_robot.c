@@ -252,24 +252,6 @@ static void write_pose_joints(FILE *out, const struct robot *robot, const struct
     }
 }
 
-/* Writes the poses. A pose without positions is an empty map. */
-static void write_poses(FILE *out, const struct robot *robot)
-{
-    fputs("\nposes:\n", out);
-    for (size_t p = 0; p < robot->npose; p++) {
-        const struct robot_pose *pose = &robot->pose[p];
-        bool any = robot->floating;
-
-        for (size_t j = 0; j < robot->njoint; j++) {
-            any |= pose->joint[j] != 0.0;
-        }
-        fprintf(out, "  \"%s\":%s\n%s", pose->name, any ? "" : " {}",
-                robot->floating ? "    base_xyz_m: [0.0, 0.0, 0.0]\n" : "");
-        write_pose_joints(out, robot, pose, JOINT_REVOLUTE);
-        write_pose_joints(out, robot, pose, JOINT_PRISMATIC);
-    }
-}
-
 enum error_code import_write_robot(const struct import_robot *from, const char *path,
                                    struct error *error)
 {
@@ -317,7 +299,21 @@ enum error_code import_write_robot(const struct import_robot *from, const char *
         write_visual(file.out, robot, &robot->visual[v]);
     }
     write_sensors(file.out, robot);
-    write_poses(file.out, robot);
+
+    /* Write the poses. A pose without positions is an empty map. */
+    fputs("\nposes:\n", file.out);
+    for (size_t p = 0; p < robot->npose; p++) {
+        const struct robot_pose *pose = &robot->pose[p];
+        bool any = robot->floating;
+
+        for (size_t j = 0; j < robot->njoint; j++) {
+            any |= pose->joint[j] != 0.0;
+        }
+        fprintf(file.out, "  \"%s\":%s\n%s", pose->name, any ? "" : " {}",
+                robot->floating ? "    base_xyz_m: [0.0, 0.0, 0.0]\n" : "");
+        write_pose_joints(file.out, robot, pose, JOINT_REVOLUTE);
+        write_pose_joints(file.out, robot, pose, JOINT_PRISMATIC);
+    }
     return whole_file_close(&file, ERROR_NONE, error);
 }
 

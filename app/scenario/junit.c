@@ -31,22 +31,6 @@ static void junit_put_property(const char *name, const char *what, const char *v
     fputs("\"/>\n", out);
 }
 
-/* Writes the data that are needed to repeat a case, as properties. */
-static void junit_put_data(const struct scenario_result *result, FILE *out)
-{
-    char number[32];
-
-    if (result->scenario->values[0]) {
-        junit_put_property(result->name, "parameters", result->scenario->values, out);
-    }
-    if (result->ran) {
-        snprintf(number, sizeof number, "%" PRIu64, result->seed);
-        junit_put_property(result->name, "seed", number, out);
-        snprintf(number, sizeof number, "%016" PRIx64, result->state_hash);
-        junit_put_property(result->name, "state_hash", number, out);
-    }
-}
-
 /* Writes a testcase; a failure names its recording. */
 static void junit_put_case(const struct scenario_result *result, FILE *out)
 {
@@ -94,7 +78,18 @@ static void junit_put_suite(const struct scenario_result *result, const size_t *
     junit_put_property("", "file", first->scenario->file, out);
     for (size_t i = 0; i < count; i++) {
         if (of[i] == suite) {
-            junit_put_data(&result[i], out);
+            /* Write the data that are needed to repeat a case, as properties */
+            char number[32];
+
+            if (result[i].scenario->values[0]) {
+                junit_put_property(result[i].name, "parameters", result[i].scenario->values, out);
+            }
+            if (result[i].ran) {
+                snprintf(number, sizeof number, "%" PRIu64, result[i].seed);
+                junit_put_property(result[i].name, "seed", number, out);
+                snprintf(number, sizeof number, "%016" PRIx64, result[i].state_hash);
+                junit_put_property(result[i].name, "state_hash", number, out);
+            }
         }
     }
     fputs("    </properties>\n", out);

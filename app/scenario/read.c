@@ -305,12 +305,6 @@ static enum error_code keep_values(const struct parameters *given, size_t number
 
 /* ---- changes of the rig ---- */
 
-/* Returns the line and column of a byte in the text, for messages. */
-static struct yaml_mark mark_line(const char *file, const char *text, size_t at)
-{
-    return (struct yaml_mark){.file = file, .line = (int)count_lines(text, at) + 1, .column = 1};
-}
-
 /* Moves the block "changes:" from the document to a rig file of its own; other lines keep their
  * line numbers. The line of the key `changes` is reserved for the rig's key `extends`. */
 static enum error_code take_changes(const char *name, char *text, size_t size, struct arena *arena,
@@ -328,7 +322,7 @@ static enum error_code take_changes(const char *name, char *text, size_t size, s
     }
 
     /* Require a mapping on separate lines; comments may precede it */
-    mark = mark_line(name, text, from);
+    mark = (struct yaml_mark){.file = name, .line = (int)count_lines(text, from) + 1, .column = 1};
     for (first = from + sizeof key - 1; first < to && text[first] == ' '; first++) {
     }
     if (first < to && text[first] != '\n' && text[first] != '#') {

@@ -21,20 +21,6 @@ bool robot_key_is_of_triangle(const char *key)
            strcmp(key, "offset_rad") == 0 || strcmp(key, "closed_m") == 0;
 }
 
-/* Computes areas and constants of a cylinder and its valve from the numbers of the file. */
-static void fill_cylinder(const struct drive_yaml *drive, struct robot_hydraulic *cylinder)
-{
-    *cylinder = drive->cylinder;
-    cylinder->present = true;
-    cylinder->A1 = 0.25 * pi * drive->bore * drive->bore;
-    cylinder->A2 = 0.25 * pi * (drive->bore * drive->bore - drive->rod * drive->rod);
-    cylinder->valve_w = 2.0 * pi * drive->valve_hz;
-    cylinder->K = drive->valve_flow / sqrt(0.5 * drive->valve_drop);
-    if (!yaml_has(&drive->mark, "coulomb_m_s")) {
-        cylinder->coulomb_speed = FRICTION_SPEED;
-    }
-}
-
 /* Builds a cylinder. Each parameter comes from the joint, else from the robot. name: name of the
  * joint; NULL for a drive of the catalogue, which has no triangle. */
 static enum error_code build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
@@ -70,7 +56,18 @@ static enum error_code build_cylinder(struct robot_builder *b, const struct driv
         return yaml_error(b->error, &drive->mark,
                           "found a rod as thick as its bore, expected a thinner");
     }
-    fill_cylinder(&merged, cylinder);
+
+    /* Compute areas and constants of a cylinder and its valve from the numbers of the file */
+    *cylinder = merged.cylinder;
+    cylinder->present = true;
+    cylinder->A1 = 0.25 * pi * merged.bore * merged.bore;
+    cylinder->A2 = 0.25 * pi * (merged.bore * merged.bore - merged.rod * merged.rod);
+    cylinder->valve_w = 2.0 * pi * merged.valve_hz;
+    cylinder->K = merged.valve_flow / sqrt(0.5 * merged.valve_drop);
+    if (!yaml_has(&merged.mark, "coulomb_m_s")) {
+        cylinder->coulomb_speed = FRICTION_SPEED;
+    }
+
     return code;
 }
 

@@ -60,15 +60,6 @@ static uint64_t node_hash(const struct graph_node *node)
     return hash_bytes(hash, node->value, sizeof node->value);
 }
 
-/* Returns whether two nodes are the same expression. */
-static bool node_equal(const struct graph_node *a, const struct graph_node *b)
-{
-    return a->op == b->op && a->width == b->width && a->array == b->array &&
-           memcmp(a->operand, b->operand, sizeof a->operand) == 0 &&
-           memcmp(a->index, b->index, sizeof a->index) == 0 &&
-           memcmp(a->value, b->value, sizeof a->value) == 0;
-}
-
 /* Doubles the capacity for nodes and the hash table. Returns false without memory. */
 static bool grow_graph(struct graph *graph)
 {
@@ -109,7 +100,11 @@ static expr intern_node(struct graph *graph, const struct graph_node *wanted)
     slot = node_hash(wanted) % graph->nbucket;
     /* Reuse an equal node */
     for (uint32_t i = graph->bucket[slot]; i; i = graph->node[i].next) {
-        if (node_equal(&graph->node[i], wanted)) {
+        if (graph->node[i].op == wanted->op && graph->node[i].width == wanted->width &&
+            graph->node[i].array == wanted->array &&
+            memcmp(graph->node[i].operand, wanted->operand, sizeof graph->node[i].operand) == 0 &&
+            memcmp(graph->node[i].index, wanted->index, sizeof graph->node[i].index) == 0 &&
+            memcmp(graph->node[i].value, wanted->value, sizeof graph->node[i].value) == 0) {
             return (expr)i << 1;
         }
     }

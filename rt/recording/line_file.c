@@ -73,18 +73,6 @@ static void line_file_end_failed(struct line_file *file, int reason)
     line_file_end(file);
 }
 
-/* Ends a file that was removed: all its lines count as unwritten. */
-static void line_file_end_removed(struct line_file *file)
-{
-    line_file_cut(file);
-    file->unwritten += file->lines;
-    file->lines = 0;
-    error_set(&file->error, ERROR_SYSTEM,
-              "%s was removed while it was written: recording of it ends here, the run goes on",
-              file->path);
-    line_file_end(file);
-}
-
 /* ---- writing ---- */
 
 void line_file_flush(struct line_file *file)
@@ -133,7 +121,14 @@ void line_file_look(struct line_file *file)
     /* A file without links was removed. If the old name now refers to another file or none, it was
      * renamed */
     if (here.st_nlink == 0) {
-        line_file_end_removed(file);
+        /* End a file that was removed: all its lines count as unwritten */
+        line_file_cut(file);
+        file->unwritten += file->lines;
+        file->lines = 0;
+        error_set(&file->error, ERROR_SYSTEM,
+                  "%s was removed while it was written: recording of it ends here, the run goes on",
+                  file->path);
+        line_file_end(file);
     } else if (stat(file->path, &there)
                    ? errno == ENOENT
                    : there.st_ino != here.st_ino || there.st_dev != here.st_dev) {
