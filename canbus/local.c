@@ -37,9 +37,7 @@ enum {
 
 /* The frames in transit from one sender to one receiver. */
 struct local_lane {
-    struct ring ring;         /* ring of frames */
-    _Atomic uint64_t dropped; /* frames that the full ring refused, counted by the sender */
-    uint64_t dropped_seen;    /* part of `dropped` that the receiver has counted */
+    struct ring ring; /* ring of frames */
 };
 
 struct local_node {
@@ -50,6 +48,7 @@ struct local_node {
     _Atomic uint32_t signal;
     bool event_late; /* the node has cleared SIGNAL_EVENT before the sender wrote to `event` */
     _Atomic bool open;
+    _Atomic uint64_t inbox_dropped; /* frames that a full lane refused, counted by the senders */
     struct frame_filter filter[LOCAL_BUS_FILTERS_MAX];
     size_t nfilter;
 
@@ -141,11 +140,10 @@ static bool local_clear_event(int event)
     return got > 0;
 }
 
-static bool local_put_frame(const struct local_bus *bus, size_t receiver, size_t sender,
-                            uint64_t number, const struct bus_frame *frame)
+/* Puts a frame into a lane of a node. Returns false if the node does not receive it. */
+static inline bool local_put_frame(struct local_node *node, struct local_lane *lane,
+                                   uint64_t number, const struct bus_frame *frame)
 {
-    const struct local_node *node = &bus->nodes[receiver];
-    struct local_lane *lane = local_lane_between(bus, receiver, sender);
     struct local_frame *entry;
 
     if (!atomic_load_explicit(&node->open, memory_order_acquire) ||
@@ -154,7 +152,7 @@ static bool local_put_frame(const struct local_bus *bus, size_t receiver, size_t
     }
     entry = ring_back(&lane->ring);
     if (!entry) {
-        atomic_fetch_add_explicit(&lane->dropped, 1, memory_order_relaxed);
+        atomic_fetch_add_explicit(&node->inbox_dropped, 1, memory_order_relaxed);
         return true;
     }
     entry->number = number;
@@ -163,32 +161,35 @@ static bool local_put_frame(const struct local_bus *bus, size_t receiver, size_t
     return true;
 }
 
-/* Signals a node that frames have arrived. Both sides change `signal` with atomic read-modify-write
- * operations, so all changes have one order. Either the node sees the frames, or the sender sees
- * that the node waits, and wakes it once. */
-static void local_signal_node(struct local_node *node)
+/* Wakes a node that waits; now: the last value of its signal. If several senders signal, only the
+ * sender that clears SIGNAL_WANTED writes to the descriptor. */
+static void local_wake_node(struct local_node *node, uint32_t now)
 {
-    uint32_t before = atomic_fetch_or_explicit(&node->signal, SIGNAL_RAISED, memory_order_acq_rel);
+    while (now & SIGNAL_WANTED) {
+        const uint32_t next = (now & ~(uint32_t)SIGNAL_WANTED) | SIGNAL_EVENT;
 
-    if (before & SIGNAL_WANTED) {
-        uint32_t now = before | SIGNAL_RAISED;
-
-        /* If several senders signal, only the sender that clears SIGNAL_WANTED writes to the
-         * descriptor */
-        while (now & SIGNAL_WANTED) {
-            const uint32_t next = (now & ~(uint32_t)SIGNAL_WANTED) | SIGNAL_EVENT;
-
-            if (atomic_compare_exchange_weak_explicit(&node->signal, &now, next,
-                                                      memory_order_acq_rel, memory_order_relaxed)) {
-                local_raise_event(node->event);
-                return;
-            }
+        if (atomic_compare_exchange_weak_explicit(&node->signal, &now, next, memory_order_acq_rel,
+                                                  memory_order_relaxed)) {
+            local_raise_event(node->event);
+            return;
         }
     }
 }
 
-static void local_signal_nodes(const struct local_bus *bus,
-                               const uint64_t reached[LOCAL_NODES_MAX / 64])
+/* Signals a node that frames have arrived. Both sides change `signal` with atomic read-modify-write
+ * operations, so all changes have one order. Either the node sees the frames, or the sender sees
+ * that the node waits, and wakes it once. */
+static inline void local_signal_node(struct local_node *node)
+{
+    uint32_t before = atomic_fetch_or_explicit(&node->signal, SIGNAL_RAISED, memory_order_acq_rel);
+
+    if (before & SIGNAL_WANTED) {
+        local_wake_node(node, before | SIGNAL_RAISED);
+    }
+}
+
+static inline void local_signal_nodes(const struct local_bus *bus,
+                                      const uint64_t reached[LOCAL_NODES_MAX / 64])
 {
     const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
 
@@ -251,7 +252,8 @@ static void local_deliver_from_wire(struct local_bus *bus, size_t to, const stru
 {
     uint64_t number = atomic_fetch_add_explicit(&bus->sequence, 1, memory_order_relaxed);
 
-    if (local_put_frame(bus, to, bus->config.max_nodes, number, frame)) {
+    if (local_put_frame(&bus->nodes[to], local_lane_between(bus, to, bus->config.max_nodes), number,
+                        frame)) {
         bus->reached[to / 64] |= UINT64_C(1) << to % 64;
     }
 }
@@ -544,9 +546,11 @@ static void local_send_ideal(struct local_node *sender, const struct bus_frame *
     struct local_bus *bus = sender->bus;
     const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
     const uint64_t number = atomic_fetch_add_explicit(&bus->sequence, 1, memory_order_relaxed);
+    struct local_lane *lane = local_lane_between(bus, 0, sender->index);
+    struct local_node *node = bus->nodes;
 
-    for (size_t to = 0; to < nodes; to++) {
-        if (to != sender->index && local_put_frame(bus, to, sender->index, number, frame)) {
+    for (size_t to = 0; to < nodes; to++, node++, lane += bus->places) {
+        if (node != sender && local_put_frame(node, lane, number, frame)) {
             reached[to / 64] |= UINT64_C(1) << to % 64;
         }
     }
@@ -586,42 +590,24 @@ static size_t local_send(struct can_port *port, const struct bus_frame *frames, 
 static struct local_lane *local_first_lane(const struct local_node *node, uint32_t *count,
                                            uint64_t *limit)
 {
-    const struct local_bus *bus = node->bus;
+    struct local_lane *lane = local_lane_between(node->bus, node->index, 0), *first = NULL;
+    const struct local_lane *end = lane + node->bus->places;
     uint64_t lowest = UINT64_MAX;
-    struct local_lane *first = NULL;
 
     *limit = UINT64_MAX;
-    for (size_t from = 0; from < bus->places; from++) {
-        struct local_lane *lane = local_lane_between(bus, node->index, from);
-        const uint32_t waiting = ring_count(&lane->ring);
-        uint64_t number;
+    for (; lane < end; lane++) {
+        const struct local_frame *front = ring_front(&lane->ring);
 
-        if (!waiting) {
-            continue;
-        }
-        number = ((const struct local_frame *)ring_front(&lane->ring))->number;
-        if (number < lowest) {
+        if (front && front->number < lowest) {
             *limit = lowest;
-            *count = waiting;
-            lowest = number;
+            *count = ring_count(&lane->ring);
+            lowest = front->number;
             first = lane;
-        } else if (number < *limit) {
-            *limit = number;
+        } else if (front && front->number < *limit) {
+            *limit = front->number;
         }
     }
     return first;
-}
-
-/* Adds frames that full lanes have dropped since the last call to the port's counters. */
-static void local_count_inbox_drops(struct local_node *node)
-{
-    for (size_t from = 0; from < node->bus->places; from++) {
-        struct local_lane *lane = local_lane_between(node->bus, node->index, from);
-        uint64_t dropped = atomic_load_explicit(&lane->dropped, memory_order_relaxed);
-
-        node->port.counters.rx_dropped += dropped - lane->dropped_seen;
-        lane->dropped_seen = dropped;
-    }
 }
 
 /* Merges the frames of a node's lanes in the order of the bus, at most max. Returns their
@@ -655,22 +641,21 @@ static size_t local_take_frames(struct local_node *node, struct bus_frame *frame
 static size_t local_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     struct local_node *node = local_node_of_port(port);
-    size_t count = local_take_frames(node, frames, max);
+    const uint32_t signal = atomic_load_explicit(&node->signal, memory_order_relaxed);
+    size_t count;
 
-    if (count < max) {
-        const uint32_t seen = SIGNAL_RAISED | SIGNAL_EVENT;
-        const uint32_t signal = atomic_load_explicit(&node->signal, memory_order_relaxed);
-
-        /* Clear the signal of an empty inbox, then check once more for new frames */
-        if ((signal & seen) || node->event_late) {
-            if ((signal & SIGNAL_EVENT) || node->event_late) {
-                node->event_late = !local_clear_event(node->event);
-            }
-            atomic_fetch_and_explicit(&node->signal, ~seen, memory_order_acq_rel);
-            count += local_take_frames(node, frames + count, max - count);
-        }
+    /* Lower the signal before the frames are taken, because a later frame raises it again */
+    if (signal & SIGNAL_RAISED) {
+        atomic_fetch_and_explicit(&node->signal, ~SIGNAL_RAISED, memory_order_acq_rel);
     }
-    local_count_inbox_drops(node);
+    count = local_take_frames(node, frames, max);
+    if (count == max) {
+        atomic_fetch_or_explicit(&node->signal, SIGNAL_RAISED, memory_order_acq_rel);
+    } else if ((signal & SIGNAL_EVENT) || node->event_late) {
+        node->event_late = !local_clear_event(node->event);
+        atomic_fetch_and_explicit(&node->signal, ~SIGNAL_EVENT, memory_order_acq_rel);
+    }
+    port->counters.rx_dropped = atomic_load_explicit(&node->inbox_dropped, memory_order_relaxed);
     local_count_wire_dropped(node);
     return count;
 }

@@ -32,35 +32,13 @@ static enum can_port_state port_state_after_error(enum can_port_state state,
     return state;
 }
 
-void port_count_received(struct can_port *port, const struct bus_frame *frame)
+void port_count_error(struct can_port *port, const struct bus_frame *frame)
 {
-    if (frame->flags & FRAME_ERROR) {
-        port->counters.error_frames++;
-        /* After the loss of the interface, ignore old error frames that are still queued */
-        if (port->state != CAN_PORT_DOWN && port->state != CAN_PORT_GONE) {
-            port->state = port_state_after_error(port->state, frame);
-        }
-        return;
+    port->counters.error_frames++;
+    /* After the loss of the interface, ignore old error frames that are still queued */
+    if (port->state != CAN_PORT_DOWN && port->state != CAN_PORT_GONE) {
+        port->state = port_state_after_error(port->state, frame);
     }
-    port->counters.rx_frames++;
-    port->counters.rx_bits += frame_bits(frame);
-    port->counters.fast_bits += frame->flags & FRAME_BRS ? frame_fast_bits(frame) : 0;
-    /* Not every driver reports a recovery, but traffic proves it */
-    if (port->state == CAN_PORT_BUS_OFF) {
-        port->state = CAN_PORT_UP;
-    }
-}
-
-void port_count_sent(struct can_port *port, const struct bus_frame *frame)
-{
-    port->counters.tx_frames++;
-    port->counters.tx_bits += frame_bits(frame);
-    port->counters.fast_bits += frame->flags & FRAME_BRS ? frame_fast_bits(frame) : 0;
-}
-
-bool port_may_send(const struct can_port *port, const struct bus_frame *frame)
-{
-    return frame_valid(frame) && (port->fd || !(frame->flags & FRAME_FD));
 }
 
 int port_inner_descriptor(const struct can_port *port)
