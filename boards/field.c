@@ -33,12 +33,12 @@ size_t fields_bytes(const struct field *fields)
     return (fields_bits(fields) + 7) / 8;
 }
 
-int64_t field_lowest(const struct field *field)
+inline int64_t field_lowest(const struct field *field)
 {
     return field->type & FIELD_SIGNED ? -(INT64_C(1) << (field_bits(field) - 1)) : 0;
 }
 
-int64_t field_highest(const struct field *field)
+inline int64_t field_highest(const struct field *field)
 {
     unsigned bits = field_bits(field) - (field->type & FIELD_SIGNED ? 1 : 0);
 
@@ -81,20 +81,6 @@ static int64_t field_get_value(const struct field *field, size_t start, const ui
     return (int64_t)(field->type & FIELD_SIGNED ? (value ^ sign) - sign : value);
 }
 
-/* Writes the value of a field that begins at bit `start` of the data. */
-static void field_put_value(const struct field *field, int64_t value, size_t start, uint8_t *data)
-{
-    struct place place = field_place(field, start);
-    const uint64_t mask = ((UINT64_C(1) << field_bits(field)) - 1) << place.below;
-    const uint64_t bits = (uint64_t)value << place.below & mask;
-
-    for (unsigned i = 0; i < place.bytes; i++, place.shift += place.step) {
-        uint8_t *byte = &data[place.byte + i];
-
-        *byte = (uint8_t)((*byte & ~(mask >> place.shift)) | bits >> place.shift);
-    }
-}
-
 bool fields_decode(const struct field *fields, const uint8_t *data, size_t size, int64_t *values)
 {
     size_t at = 0;
@@ -117,18 +103,30 @@ bool fields_decode(const struct field *fields, const uint8_t *data, size_t size,
 
 void fields_encode(const struct field *fields, const int64_t *values, uint8_t *data)
 {
-    size_t at = 0;
+    uint64_t held = 0; /* the last bits, not yet written */
+    unsigned count = 0;
+    bool big = false;
 
     for (; fields && fields->type != FIELD_END; fields++) {
-        int64_t value = 0;
+        const unsigned bits = field_bits(fields);
+        uint64_t value = 0;
 
         if (!(fields->type & FIELD_PADDING)) {
-            int64_t low = field_lowest(fields), high = field_highest(fields);
+            const int64_t low = field_lowest(fields), high = field_highest(fields);
 
-            value = *values < low ? low : *values > high ? high : *values;
+            value = (uint64_t)(*values < low ? low : *values > high ? high : *values);
+            value &= (UINT64_C(1) << bits) - 1;
             values++;
         }
-        field_put_value(fields, value, at, data);
-        at += field_bits(fields);
+        big = fields->type & FIELD_BIG_ENDIAN;
+        held = big ? held << bits | value : held | value << count;
+        for (count += bits; count >= 8; count -= 8) {
+            *data++ = (uint8_t)(big ? held >> (count - 8) : held);
+            held = big ? held : held >> 8;
+        }
+        held = count > 0 ? held : 0;
+    }
+    if (count > 0) {
+        *data = (uint8_t)(big ? held << (8 - count) : held);
     }
 }
