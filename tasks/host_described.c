@@ -8,7 +8,6 @@
  */
 #include "tasks/host_private.h"
 
-#include "base/array.h"
 #include "boards/described/protocol.h"
 
 #include <math.h>
@@ -367,8 +366,8 @@ struct described_news {
 };
 
 /* Returns the raw value (count) of the field with a meaning; `otherwise` if there is none. */
-static int64_t described_news_count(const struct described_news *news,
-                                    enum described_meaning meaning, int64_t otherwise)
+static inline int64_t described_news_count(const struct described_news *news,
+                                           enum described_meaning meaning, int64_t otherwise)
 {
     int field = described_find_field(news->row, meaning);
 
@@ -460,9 +459,10 @@ static void described_read_state(const struct described_protocol *protocol,
 /* Stores the rotor's angle. If no frame reports the link's angle, computes it from the spring's
  * torque. If no frame reports the rate, computes it from the difference of two angles. */
 static void described_read_position(struct host *host, const struct described_protocol *protocol,
-                                    size_t axis, double rad, bool tells_speed)
+                                    size_t axis, double rad)
 {
     struct host_joint *joint = &host->joint[axis];
+    bool tells_speed = protocol->tells[DESCRIBED_MOTOR_VELOCITY];
     const struct host_drive *drive = &host->config.axis[axis].drive;
     double span_s = (double)(host->now_ns - joint->motor_time_ns) * 1e-9;
 
@@ -488,25 +488,29 @@ static void described_read_motor_field(struct host *host, const struct described
 {
     unsigned k = (unsigned)news->axis + of->axis;
     int axis = k < HOST_AXES ? news->node->axis[k] : -1;
-    struct host_joint *joint = &host->joint[axis];
-    const struct described_field scaled =
-        described_model_field(protocol, axis < 0 ? 0 : host->config.axis[axis].model, of);
-    double value = described_value(&scaled, count);
-    bool tells_speed = protocol->tells[DESCRIBED_MOTOR_VELOCITY];
+    struct host_joint *joint;
+    struct described_field scaled;
+    double value;
 
     if (axis < 0) {
         return;
     }
+    if (of->times >= 0) {
+        scaled = described_model_field(protocol, host->config.axis[axis].model, of);
+        of = &scaled;
+    }
+    value = described_value(of, count);
+    joint = &host->joint[axis];
     /* Angles: of the rotor, of the link, or the deflection between both */
     switch (of->meaning) {
     case DESCRIBED_MOTOR_POSITION:
-        described_read_position(host, protocol, (size_t)axis, value, tells_speed);
+        described_read_position(host, protocol, (size_t)axis, value);
         break;
     case DESCRIBED_LINK_POSITION:
         joint->joint_rad = value;
         joint->joint_time_ns = host->now_ns;
         if (!protocol->tells[DESCRIBED_MOTOR_POSITION]) {
-            described_read_position(host, protocol, (size_t)axis, value, tells_speed);
+            described_read_position(host, protocol, (size_t)axis, value);
         }
         break;
     case DESCRIBED_DEFLECTION:
@@ -548,21 +552,18 @@ static void described_read_motion(struct host *host, const struct described_fiel
                                   int64_t count)
 {
     struct host_motion *motion = &host->motion;
-    const struct {
-        unsigned first, count;
-        double *to;
-        int64_t *time_ns;
-    } channels[] = {
-        {DESCRIBED_ACCELERATION, 3, motion->acceleration_m_s2, &motion->acceleration_time_ns},
-        {DESCRIBED_RATE, 3, motion->rate_rad_s, &motion->rate_time_ns},
-        {DESCRIBED_QUATERNION, 4, motion->quaternion, &motion->quaternion_time_ns},
-    };
+    const unsigned channel = of->meaning - DESCRIBED_ACCELERATION;
+    const double value = described_value(of, count);
 
-    for (size_t i = 0; i < ARRAY_COUNT(channels); i++) {
-        if (of->meaning - channels[i].first < channels[i].count) {
-            channels[i].to[of->meaning - channels[i].first] = described_value(of, count);
-            *channels[i].time_ns = host->now_ns;
-        }
+    if (channel < 3) {
+        motion->acceleration_m_s2[channel] = value;
+        motion->acceleration_time_ns = host->now_ns;
+    } else if (channel < 6) {
+        motion->rate_rad_s[channel - 3] = value;
+        motion->rate_time_ns = host->now_ns;
+    } else if (channel < 10) {
+        motion->quaternion[channel - 6] = value;
+        motion->quaternion_time_ns = host->now_ns;
     }
 }
 

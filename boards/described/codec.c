@@ -110,13 +110,12 @@ int64_t described_count(const struct described_field *field, double value)
         memcpy(&bits, &real, sizeof bits);
         return bits;
     }
-    if (scaled > INT32_MAX && scaled <= UINT32_MAX) {
-        return (int64_t)(scaled + 0.5); /* unsigned fields of 32 bits */
-    }
-    if (isinf(scaled)) {
+    if (!control_quantize(scaled, &count) && isinf(scaled)) {
         return scaled > 0.0 ? field->high : field->low;
     }
-    control_quantize(scaled, &count);
+    if (count == INT32_MAX && scaled > INT32_MAX && scaled <= UINT32_MAX) {
+        return (int64_t)(scaled + 0.5); /* unsigned fields of 32 bits */
+    }
     return control_clamp(count, field->low, field->high);
 }
 

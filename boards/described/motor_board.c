@@ -134,10 +134,8 @@ static void axis_set_target(const struct described_node *node, struct described_
         axis->target[described_law_target(state->law) - DESCRIBED_SET_POINT] =
             (double)count * state->set_point_scale;
     } else {
-        const struct described_field now =
-            described_node_field(node, axis_index(node, axis), field);
-
-        axis->target[field->meaning - DESCRIBED_SET_POINT] = described_value(&now, count);
+        axis->target[field->meaning - DESCRIBED_SET_POINT] =
+            described_node_value(node, axis_index(node, axis), field, count);
     }
 }
 
@@ -171,10 +169,8 @@ static void axis_set(const struct described_node *node, struct described_axis *a
     const int64_t infinity = INT64_C(0x7f800000); /* exponent of a float that is not finite */
 
     if (!field->real || (count & infinity) != infinity) {
-        const struct described_field now =
-            described_node_field(node, axis_index(node, axis), field);
-
-        axis->setting[field->meaning - DESCRIBED_SETTING] = fmax(described_value(&now, count), 0.0);
+        axis->setting[field->meaning - DESCRIBED_SETTING] =
+            fmax(described_node_value(node, axis_index(node, axis), field, count), 0.0);
     }
 }
 
@@ -272,10 +268,8 @@ static void axis_configure(struct described_node *node, struct described_axis *a
         } else if (field->meaning == DESCRIBED_NEW_ADDRESS) {
             board_set_address(&node->board, (uint8_t)values[i]);
         } else if (field->meaning == DESCRIBED_PRESENT_POSITION) {
-            const struct described_field now =
-                described_node_field(node, axis_index(node, axis), field);
-
-            axis->zero_rad = axis->base.motor_rad - described_value(&now, values[i]);
+            axis->zero_rad = axis->base.motor_rad -
+                             described_node_value(node, axis_index(node, axis), field, values[i]);
             axis_forget(node, axis);
         }
     }

@@ -130,9 +130,9 @@ int64_t described_node_count(const struct described_node *node, unsigned axis,
                              const struct described_field *field,
                              const struct described_frame *request, const int64_t *values);
 
-/* Returns a field with the present value of its factor. */
-struct described_field described_node_field(const struct described_node *node, unsigned axis,
-                                            const struct described_field *field);
+/* Returns the value of a count, with the present value of the field's factor. */
+double described_node_value(const struct described_node *node, unsigned axis,
+                            const struct described_field *field, int64_t count);
 
 /* Sets the telemetry period; 0 = no telemetry. */
 void described_node_set_period(struct described_node *node, int64_t period_ms);
