@@ -147,10 +147,12 @@ static void lay_out_state(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
     const bool has_bus = plant->config.bus.capacitance_f > 0.0;
+    bool has_grip = false;
 
     for (size_t j = 0; j < robot->njoint; j++) {
         plant->ndrive += robot->joint[j].sea.present;
         plant->has_effects |= robot->joint[j].sea.present && robot->joint[j].sea.effects;
+        has_grip |= robot->joint[j].sea.effects && robot->joint[j].sea.effects->presliding > 0.0;
         plant->nspring += robot->joint[j].spring.present && robot->joint[j].spring.enabled;
         plant->npassive += passive_is_present(&robot->joint[j].passive);
         plant->nhydraulic += robot->joint[j].hydraulic.present;
@@ -161,8 +163,8 @@ static void lay_out_state(struct plant *plant)
     plant->at.free = plant->at.pretension + plant->nspring;
     plant->nbristle = plant->config.contact ? plant->config.contact->nbristle : 0;
     plant->at.effect = plant->at.free + PLANT_FREE_STATE * plant->config.nfree;
-    plant->at.supply =
-        plant->at.effect + (plant->has_effects ? PLANT_EFFECT_STATE * plant->ndrive : 0);
+    plant->neffect = !plant->has_effects ? 0 : has_grip ? PLANT_EFFECT_STATE : EFFECT_GRIP;
+    plant->at.supply = plant->at.effect + plant->neffect * plant->ndrive;
     plant->at.hydraulic = plant->at.supply + (has_bus ? SUPPLY_STATE : 0);
     plant->at.work = plant_hydraulic_supply(plant) + (plant->nhydraulic > 0);
     plant->nwork = plant->nhydraulic > 0           ? WORK_ALL

@@ -10,19 +10,20 @@
 
 struct effects_state plant_effects_state(const struct plant *plant, const double *state, size_t d)
 {
-    const double *y = state + plant->at.effect + PLANT_EFFECT_STATE * d;
+    const double *y = state + plant->at.effect + plant->neffect * d;
 
     return (struct effects_state){.sea = plant_drive_state(plant, state, d),
                                   .hysteresis = y[EFFECT_HYSTERESIS],
                                   .winding_c = y[EFFECT_WINDING],
-                                  .housing_c = y[EFFECT_HOUSING]};
+                                  .housing_c = y[EFFECT_HOUSING],
+                                  .grip = plant->neffect > EFFECT_GRIP ? y[EFFECT_GRIP] : 0.0};
 }
 
 void plant_effects_store(const struct plant *plant, size_t d, const struct effects_state *effects,
                          double *state)
 {
     double *drive = state + plant_drive_offset(plant, d);
-    double *y = state + plant->at.effect + PLANT_EFFECT_STATE * d;
+    double *y = state + plant->at.effect + plant->neffect * d;
 
     drive[DRIVE_MOTOR_POSITION] = effects->sea.qm;
     drive[DRIVE_MOTOR_SPEED] = effects->sea.qmd;
@@ -30,6 +31,9 @@ void plant_effects_store(const struct plant *plant, size_t d, const struct effec
     y[EFFECT_HYSTERESIS] = effects->hysteresis;
     y[EFFECT_WINDING] = effects->winding_c;
     y[EFFECT_HOUSING] = effects->housing_c;
+    if (plant->neffect > EFFECT_GRIP) {
+        y[EFFECT_GRIP] = effects->grip;
+    }
 }
 
 double plant_effects_torque(const struct plant *plant, const double *state, size_t d)
@@ -201,6 +205,26 @@ static void stop_at_zero(struct plant *plant, size_t at, double inertia, enum pl
     plant->lost[at] = 0.0;
 }
 
+/* Limits the grip of a drive to what friction allows. The energy lost counts as a loss. */
+static void limit_grip(struct plant *plant, size_t d)
+{
+    const struct robot_sea *sea = &plant->sea[d];
+    const size_t j = plant->drive_joint[d];
+    struct effects_state state = plant_effects_state(plant, plant->state, d);
+    const struct effects_carried carried =
+        effects_carried(sea, &state, plant_joint_position(plant, plant->state, j),
+                        plant_joint_rate(plant, plant->state, j));
+    const double F = effects_friction(sea, state.sea.qmd, &carried), before = state.grip;
+    const int slide = plant->mode[d].slide;
+
+    state.grip = slide != 0 ? slide * F : effects_limit_grip(before, F);
+    plant_effects_store(plant, d, &state, plant->state);
+    if (plant->config.account_energy) {
+        plant->state[plant->at.work + WORK_GEAR] +=
+            effects_grip_energy(sea, before) - effects_grip_energy(sea, state.grip);
+    }
+}
+
 void plant_effects_end(struct plant *plant)
 {
     for (size_t d = 0; d < plant->ndrive && plant->has_effects; d++) {
@@ -210,6 +234,9 @@ void plant_effects_end(struct plant *plant)
 
         if (!sea->effects) {
             continue;
+        }
+        if (sea->effects->presliding > 0.0) {
+            limit_grip(plant, d);
         }
         if (effects_sticks(sea) && plant->state[speed] * plant->mode[d].slide < 0.0) {
             stop_at_zero(plant, speed, sea->J, WORK_GEAR);

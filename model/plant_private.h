@@ -99,6 +99,7 @@ struct plant {
     struct plant_layout at;
     size_t ndrive, nspring, npassive, nhydraulic, nbristle;
     size_t nwork;            /* number of integrals of powers, with account_energy */
+    size_t neffect;          /* parts of effects of each drive in the state */
     bool has_effects;        /* a drive has effects, so the state has the parts of effects */
     bool accounts;           /* powers are integrated, for account_energy or for a bus */
     size_t *drive_joint;     /* joint of each drive */
@@ -201,11 +202,13 @@ static inline double plant_joint_rate(const struct plant *plant, const double *s
 
 /* ---- drives with effects, and the supply: plant_effects.c ---- */
 
-/* Parts of each drive's effects in the state, if some drive has effects. */
+/* Parts of each drive's effects in the state, if some drive has effects. The last is there if some
+ * drive has a presliding stiffness. */
 enum plant_effect_part {
     EFFECT_HYSTERESIS, /* N m */
     EFFECT_WINDING,    /* deg C */
     EFFECT_HOUSING,    /* deg C */
+    EFFECT_GRIP,       /* N m */
     PLANT_EFFECT_STATE,
 };
 

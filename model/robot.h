@@ -98,6 +98,8 @@ struct robot_effects {
     double stribeck;
     /* exponent of the speed in the Stribeck curve; 0 = 2 */
     double stribeck_exponent;
+    /* stiffness of the gear's contacts before they slide, N m/rad; 0 = rigid */
+    double presliding;
     /* additional friction from the torques carried */
     struct robot_load_friction load;
     double backlash;                                /* total play behind the gear, rad */

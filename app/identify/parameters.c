@@ -58,6 +58,7 @@ static const struct parameter {
     EFFECT("breakaway_nm", breakaway, SCALE_TORQUE, "friction at rest"),
     EFFECT("stribeck_rad_s", stribeck, SCALE_SPEED, "Stribeck's speed"),
     EFFECT("stribeck_exponent", stribeck_exponent, SCALE_OTHER, "exponent of Stribeck's dip"),
+    EFFECT("presliding_nm_rad", presliding, SCALE_OTHER, "stiffness of the friction at rest"),
     EFFECT("load_motor", load.motor, SCALE_SHARE, "friction by the motor's torque"),
     EFFECT("load_external", load.external, SCALE_SHARE, "friction by the load's torque"),
     EFFECT("load_motor_stribeck", load.motor_stribeck, SCALE_SHARE, "the same, added at rest"),
@@ -244,7 +245,8 @@ bool parameter_is_written(const struct trial_robot *trial, int parameter)
         return true;
     }
     if ((thermal && effects->thermal.winding_k_w == 0.0) ||
-        (!strcmp(of->key, "breakaway_nm") && effects->stribeck == 0.0)) {
+        (!strcmp(of->key, "breakaway_nm") && effects->stribeck == 0.0) ||
+        (!strcmp(of->key, "presliding_nm_rad") && effects->coulomb + effects->load.motor == 0.0)) {
         return false;
     }
     return of->owner != OWNER_BENCH && parameter_get(trial, parameter) != 0.0;

@@ -89,6 +89,7 @@ static const struct yaml_field drive_fields[] = {
     DRIVE("breakaway_nm", effects.breakaway, 0.0, 1e6),
     DRIVE("stribeck_rad_s", effects.stribeck, 1e-6, 1e6),
     DRIVE("stribeck_exponent", effects.stribeck_exponent, 0.25, 16.0),
+    DRIVE("presliding_nm_rad", effects.presliding, 1e-6, 1e9),
     DRIVE("load_motor", effects.load.motor, 0.0, 0.95),
     DRIVE("load_external", effects.load.external, 0.0, 0.95),
     DRIVE("load_motor_stribeck", effects.load.motor_stribeck, 0.0, 10.0),

@@ -157,7 +157,20 @@ static bool has_load_friction(const struct robot_load_friction *load)
 
 bool effects_sticks(const struct robot_sea *sea)
 {
-    return sea->effects->breakaway > 0.0 || has_load_friction(&sea->effects->load);
+    return sea->effects->presliding == 0.0 &&
+           (sea->effects->breakaway > 0.0 || has_load_friction(&sea->effects->load));
+}
+
+double effects_limit_grip(double grip, double friction)
+{
+    return fmin(fmax(grip, -friction), friction);
+}
+
+double effects_grip_energy(const struct robot_sea *sea, double grip)
+{
+    const double stiffness = sea->effects->presliding;
+
+    return stiffness > 0.0 ? 0.5 * grip * grip / stiffness : 0.0;
 }
 
 /* Returns the friction from the torques carried, N m. near_rest is 1 at rest and falls to 0 with
@@ -296,6 +309,13 @@ struct effects_mode effects_find_mode(const struct robot_sea *sea,
 
             mode.slide = fabs(load) > effects_friction(sea, 0.0, &carried) ? sign_of(load) : 0;
         }
+    } else if (sea->effects->presliding > 0.0) {
+        const struct effects_carried carried = effects_carried(sea, state, q, qd);
+        const double friction = effects_friction(sea, state->sea.qmd, &carried);
+
+        mode.slide = fabs(state->grip) >= friction && state->grip * state->sea.qmd > 0.0
+                         ? sign_of(state->grip)
+                         : 0;
     }
 
     /* A current starts to flow if the voltage exceeds hold */
@@ -346,15 +366,18 @@ void effects_derivative(const struct robot_sea *sea, const struct effects_state 
     double qmd = state->sea.qmd, I = state->sea.I;
     struct gear_state gear = find_gear(sea, state, q, qd);
     struct effects_carried carried = gear_carries(sea, state, &gear);
+    const bool bends = sea->effects->presliding > 0.0 && mode->slide == 0;
 
     /* Compute the rates of the rotor and of the deflection */
     derivative->sea = (struct sea_state){0};
-    if (mode->slide != 0) {
+    if (mode->slide != 0 || bends) {
+        const double friction =
+            bends ? state->grip : mode->slide * effects_friction(sea, qmd, &carried);
+
         derivative->sea.qm = qmd;
-        derivative->sea.qmd = (rotor_load(sea, state, &gear) - sea->Dm * qmd -
-                               mode->slide * effects_friction(sea, qmd, &carried)) /
-                              sea->J;
+        derivative->sea.qmd = (rotor_load(sea, state, &gear) - sea->Dm * qmd - friction) / sea->J;
     }
+    derivative->grip = bends ? sea->effects->presliding * qmd : 0.0;
     derivative->hysteresis =
         has_hysteresis(sea)
             ? sea->effects->hysteresis_stiffness *
@@ -380,8 +403,8 @@ enum { SPEED_ITERATIONS = 100, FRICTION_ITERATIONS = 8, MEAN_ITERATIONS = 30 };
 /* Part of the torques that a residual may have. A larger one is a jump of the flanks' torque. */
 #define JUMP_RESIDUAL 1e-9
 
-/* The equation of the speed v at the end of a step, resistance v + ratio tau(v) + friction sgn v =
- * push. Its left side rises with v. */
+/* The equation of the speed v at the end of a step, resistance v + ratio tau(v) + f(v) = push,
+ * where f is friction sgn v or the grip. Its left side rises with v. */
 struct speed_equation {
     double h, qd;
     double deflection; /* at the start of the step */
@@ -389,7 +412,21 @@ struct speed_equation {
     double resistance; /* of rotor and winding against a change of speed, N m s/rad */
     double push;       /* torque on the rotor at v = 0 without spring and friction */
     double friction;
+    double grip, bending; /* at the start of the step; its derivative with respect to v, or 0 */
 };
+
+/* Returns the torque of friction at a speed, whose sign is `sense` if friction is rigid. *damping
+ * receives its derivative. */
+static double find_end_grip(const struct speed_equation *equation, double v, double sense,
+                            double *damping)
+{
+    const double grip = equation->grip + equation->bending * v;
+    const bool bends = equation->bending > 0.0 && fabs(grip) < equation->friction;
+
+    *damping = bends ? equation->bending : 0.0;
+    return equation->bending > 0.0 ? effects_limit_grip(grip, equation->friction)
+                                   : sense * equation->friction;
+}
 
 /* Returns tau at a speed of the rotor. *damping receives its derivative with respect to d', *z the
  * hysteresis. */
@@ -417,41 +454,50 @@ static double find_end_torque(const struct robot_sea *sea, const struct speed_eq
     return torque + *z;
 }
 
-/* Solves the equation by Newton's method within bounds. Writes torque, slope and hysteresis at the
- * end. Returns the speed. */
+/* Solves the equation by Newton's method within bounds. Writes torque, slope, hysteresis and grip
+ * at the end. Returns the speed. */
 static double solve_speed(const struct robot_sea *sea, const struct speed_equation *equation,
                           double hysteresis, double guess, struct effects_end *end)
 {
-    const double ratio = equation->ratio, G = equation->resistance;
+    const double ratio = equation->ratio;
+    const bool rigid = equation->bending == 0.0;
     double damping, *z = &end->state.hysteresis, low = 0.0, high, v, rest = 0.0, scale = 0.0;
+    double G = equation->resistance, grip, gripping, held;
 
     /* The rotor stops if friction holds the load at rest */
     end->torque = find_end_torque(sea, equation, hysteresis, 0.0, &damping, z);
     end->slope = -damping;
-    const double load = equation->push - ratio * end->torque, sense = load > 0.0 ? 1.0 : -1.0;
+    held = rigid ? 0.0 : find_end_grip(equation, 0.0, 0.0, &gripping);
+    const double load = equation->push - ratio * end->torque - held;
+    const double sense = load > 0.0 ? 1.0 : -1.0;
 
-    if (fabs(load) <= equation->friction) {
+    if (rigid && fabs(load) <= equation->friction) {
         return 0.0;
     }
-    high = (fabs(load) - equation->friction) / G;
+    high = (fabs(load) - (rigid ? equation->friction : 0.0)) / G;
     v = fmin(fmax(sense * guess, 0.0), high);
     for (int i = 0; i < SPEED_ITERATIONS; i++) {
         double next;
 
         end->torque = find_end_torque(sea, equation, hysteresis, sense * v, &damping, z);
-        rest = G * v - sense * (equation->push - ratio * end->torque) + equation->friction;
+        grip = find_end_grip(equation, sense * v, sense, &gripping);
+        rest = G * v - sense * (equation->push - ratio * end->torque) + sense * grip;
         scale = G * v + fabs(equation->push) +
                 ratio * (fabs(end->torque) + damping * (ratio * v + fabs(equation->qd)));
         if (fabs(rest) <= SPEED_END * scale) {
             break;
         }
-        next = v - rest / (G + ratio * ratio * damping);
+        next = v - rest / (G + gripping + ratio * ratio * damping);
         *(rest > 0.0 ? &high : &low) = v;
         next = next > low && next < high ? next : 0.5 * (low + high);
         if (next == v) {
             break;
         }
         v = next;
+    }
+    if (!rigid) {
+        end->state.grip = grip;
+        G += gripping;
     }
     end->slope = -damping * G / (G + ratio * ratio * damping);
     /* At a jump of the flanks' torque, the rotor's motion determines the torque */
@@ -477,7 +523,9 @@ void effects_step_implicit(const struct robot_sea *sea, const struct effects_bri
     struct speed_equation equation = {.h = h,
                                       .qd = qd,
                                       .deflection = effects_deflection(sea, qm, q),
-                                      .ratio = gear_slope(sea, qm, 0.0)};
+                                      .ratio = gear_slope(sea, qm, 0.0),
+                                      .grip = begin->grip,
+                                      .bending = h * effects->presliding};
     double cogging = cogging_torque(sea, qm, 0.0);
     double v = begin->sea.qmd, current = begin->sea.I, last;
 
@@ -584,7 +632,7 @@ double effects_energy(const struct robot_sea *sea, const struct effects_state *s
     if (has_hysteresis(sea)) {
         energy += 0.5 * state->hysteresis * state->hysteresis / sea->effects->hysteresis_stiffness;
     }
-    return energy;
+    return energy + effects_grip_energy(sea, state->grip);
 }
 
 double effects_motor_rest(const struct robot_sea *sea, double q, double tau)
@@ -679,6 +727,14 @@ enum error_code effects_check(const struct robot_sea *sea, struct error *error)
                          "found gear friction of %g N m and a breakaway torque of %g N m at %g "
                          "rad/s, expected no less at rest, and a Stribeck speed between two",
                          effects->coulomb, effects->breakaway, effects->stribeck);
+    }
+    /* Friction that bends must exist */
+    if (!(effects->presliding >= 0.0) || (effects->presliding > 0.0 && effects->breakaway == 0.0 &&
+                                          !has_load_friction(&effects->load))) {
+        return error_set(error, ERROR_INPUT,
+                         "found a presliding stiffness of %g N m/rad without friction of the "
+                         "gear, expected both",
+                         effects->presliding);
     }
     /* A gear must not lose the whole motor torque, or it would never turn */
     if (!(effects->load.motor >= 0.0 && effects->load.motor < 1.0) ||

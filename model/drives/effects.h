@@ -14,8 +14,10 @@
  * tau_s is the spring's torque beyond the play, c the cogging torque. F is Stribeck's curve plus
  * friction from the torques that the gear carries. Both sgn functions are set-valued at zero: a
  * rotor at rest stays at rest while |load| <= F(0), and no current flows while |V - Kw qm'| <= V_h.
- * A mode says which of the two is held at zero; the equations of a mode are smooth. R, Kt and Kw
- * depend on the temperatures. Current ripple and switching of the bridge only dissipate power.
+ * A mode says which of the two is held at zero; the equations of a mode are smooth. With a
+ * presliding stiffness sigma_f, friction is a Maxwell slip element, a torque f between -F and F in
+ * place of F sgn qm': f' = sigma_f qm' until |f| is F. R, Kt and Kw depend on the temperatures.
+ * Current ripple and switching of the bridge only dissipate power.
  *
  * SI units, link side, temperatures in degree C. Pure functions of drives whose effects are not
  * NULL. RT-safe.
@@ -29,6 +31,7 @@ struct effects_state {
     struct sea_state sea;
     double hysteresis; /* z, N m */
     double winding_c, housing_c;
+    double grip; /* torque of friction with a presliding stiffness, N m */
 };
 
 /* State of the bridge, seen from the winding. */
@@ -42,7 +45,8 @@ struct effects_bridge {
     double ripple;    /* mean square of the current's ripple, A^2 */
 };
 
-/* Signs of rotor speed and current; 0 = held at zero. */
+/* Signs of rotor speed and current; 0 = held at zero. With a presliding stiffness, slide is the
+ * sign of friction that slides; 0 = it bends. */
 struct effects_mode {
     int slide, flow;
 };
@@ -92,8 +96,14 @@ struct effects_carried effects_carried(const struct robot_sea *sea,
 double effects_friction(const struct robot_sea *sea, double speed,
                         const struct effects_carried *carried);
 
-/* Returns whether a drive has gear friction, so that its rotor may stay at rest under a load. */
+/* Returns whether a drive has rigid gear friction: its rotor may stay at rest under a load. */
 bool effects_sticks(const struct robot_sea *sea);
+
+/* Returns the grip that friction F allows. */
+double effects_limit_grip(double grip, double friction);
+
+/* Returns the energy of the grip, J. */
+double effects_grip_energy(const struct robot_sea *sea, double grip);
 
 /* Returns the resistance R of a winding, ohm, at its temperature in degree C. */
 double effects_winding(const struct robot_sea *sea, double winding_c);
@@ -120,7 +130,7 @@ void effects_power_current(const struct robot_sea *sea, const struct effects_sta
                            const struct effects_bridge *bridge, const struct effects_mode *mode,
                            struct effects_power *power);
 
-/* Returns the stored energy, J: sea_energy plus hysteresis and cogging. Heat is not stored. */
+/* Returns the stored energy, J: sea_energy, hysteresis, grip and cogging. Heat is not stored. */
 double effects_energy(const struct robot_sea *sea, const struct effects_state *state, double q);
 
 /* End of an implicit Euler step. */

@@ -244,7 +244,7 @@ static void account_part(const struct effects_span *span, double q, double h,
                          struct effects_power *work)
 {
     const double q_end = q + h * span->qd, q_middle = q + 0.5 * h * span->qd;
-    struct effects_state rate0 = {{0}, 0, 0, 0}, rate1 = rate0, middle = *begin;
+    struct effects_state rate0 = {.hysteresis = 0.0}, rate1 = rate0, middle = *begin;
     struct effects_state from = *begin, to = *end;
 
     /* A current with an event is accounted here; Simpson's rule below then excludes the current */

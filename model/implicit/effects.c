@@ -7,9 +7,9 @@
  * inertia that is never negative and keeps stiff springs stable.
  *
  * This is stable only if a stage resolves the oscillations of rotor, link and winding. All other
- * drives are stiff. They take implicit Euler steps of a stage, as the link does
- * (effects_step_implicit). The stage is solved again until the torque on the link is the torque of
- * the drive at the solved rate.
+ * drives, and those with a presliding stiffness, are stiff. They take implicit Euler steps of a
+ * stage, as the link does (effects_step_implicit). The stage is solved again until the torque on
+ * the link is the torque of the drive at the solved rate.
  */
 #include "model/implicit/private.h"
 
@@ -55,7 +55,8 @@ static void make_effect_flows(const struct plant *plant, const struct robot_sea 
     made->inertia = inertia;
     effects_linear_make(sea, &made->linear);
     stiffness = made->linear.of[EFFECTS_BENT].Ks;
-    made->is_stiff = drive_swings_fast(stiffness, sea->J, stage) ||
+    made->is_stiff = sea->effects->presliding > 0.0 ||
+                     drive_swings_fast(stiffness, sea->J, stage) ||
                      drive_swings_fast(stiffness, inertia, LINK_SWING * stage) ||
                      drive_swings_fast(winding, sea->J, WINDING_SWING * stage);
     for (int level = 0; level < STEP_LEVELS; level++, h *= 0.25) {
@@ -226,6 +227,17 @@ static double advance_stiff(const struct plant *plant, size_t d, enum implicit_s
     state->sea.I += scale * (end.state.sea.I - state->sea.I);
     state->hysteresis += scale * (end.state.hysteresis - state->hysteresis);
     state->hysteresis = fmin(fmax(state->hysteresis, -limit), limit);
+    if (sea->effects->presliding > 0.0) {
+        const struct effects_carried carried = effects_carried(sea, &end.state, q + h * rate, rate);
+        const double before = state->grip;
+
+        /* Friction takes its work, less the energy of the grip */
+        state->grip = effects_limit_grip(before + scale * (end.state.grip - before),
+                                         effects_friction(sea, state->sea.qmd, &carried));
+        power->gear =
+            end.state.grip * end.state.sea.qmd -
+            (effects_grip_energy(sea, state->grip) - effects_grip_energy(sea, before)) / t;
+    }
     effects_warm(sea, power->joule * t, t, state);
     return t;
 }

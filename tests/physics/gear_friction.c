@@ -161,18 +161,97 @@ TEST(friction_by_load_holds_exactly)
     bench_end(&b);
 }
 
+/* Friction with a presliding stiffness against the closed forms of a Maxwell slip element. The link
+ * is held, and the torque swings slowly about 0. Below breakaway the rotor gives way as on both
+ * springs, each cycle takes no energy, and nothing drifts. Above, a cycle of amplitude A takes
+ * 4 F (A - F/stiffness). */
+TEST(presliding_friction_follows_its_closed_forms)
+{
+    const double F = 0.4, stiffness = 150.0, both = 100.0 + stiffness, yield = F * both / stiffness;
+    const double torque[] = {0.1, 0.9 * yield, 1.5 * yield, 5.0 * yield};
+    struct robot_sea sea = toy_drive(100.0);
+
+    sea.Kw = 0.0;
+    sea.Dm = 3.0;
+    for (size_t i = 0; i < 4; i++) {
+        const bool slides = torque[i] > yield;
+        const double most = slides ? (torque[i] - F) / sea.Ks : torque[i] / both;
+        struct plant_energy energy[2];
+        double start = 0.0, found = 0.0, area;
+        struct bench b;
+
+        bench_begin(&b, sea,
+                    (struct robot_effects){.coulomb = F, .breakaway = F, .presliding = stiffness},
+                    false, PLANT_IMPLICIT, MS);
+        plant_clamp(b.plant, true);
+        b.motor->bridge_on = true;
+        for (int k = 0; k <= 30000; k++) {
+            b.motor->voltage_v = sea.R / sea.Kt * torque[i] * sin(2.0 * M_PI * k / 10000.0);
+            assert_ok(plant_step(b.plant, 1));
+            if (k == 10000) {
+                start = b.drive[DRIVE_MOTOR_POSITION];
+                assert_ok(plant_energy(b.plant, &energy[0]));
+            }
+            found = fmax(found, fabs(b.drive[DRIVE_MOTOR_POSITION]));
+        }
+        assert_ok(plant_energy(b.plant, &energy[1]));
+        assert_near(found, most, 1e-3 * most);
+        area = slides ? 4.0 * F * (found - F / stiffness) : 0.0;
+        assert_near(b.drive[DRIVE_MOTOR_POSITION], start, 1e-9 * most);
+        assert_near(energy[1].gear_friction - energy[0].gear_friction, 2.0 * area,
+                    1e-3 * area + 1e-9);
+        assert_near(energy[1].balance, 0.0, 1e-4 * energy[1].electrical_in);
+        bench_end(&b);
+    }
+}
+
+/* A rotor without a spring: below F it comes to rest within F/stiffness, and above it slides as
+ * under Coulomb friction. */
+TEST(presliding_friction_breaks_away_and_slides_as_coulomb)
+{
+    const double F = 0.4, stiffness = 150.0;
+    struct robot_sea sea = toy_drive(0.0);
+
+    sea.Kw = sea.Dm = sea.Ds = 0.0;
+    for (int slides = 0; slides < 2; slides++) {
+        const double torque = slides ? 1.2 * F : 0.49 * F;
+        double speed = 0.0;
+        struct bench b;
+
+        bench_begin(&b, sea,
+                    (struct robot_effects){.coulomb = F, .breakaway = F, .presliding = stiffness},
+                    false, PLANT_IMPLICIT, MS);
+        plant_clamp(b.plant, true);
+        b.motor->bridge_on = true;
+        b.drive[DRIVE_CURRENT] = torque / sea.Kt;
+        b.motor->voltage_v = sea.R * b.drive[DRIVE_CURRENT];
+        for (int k = 0; k < 2000; k++) {
+            assert_ok(plant_step(b.plant, 1));
+            assert_true(slides || fabs(b.drive[DRIVE_MOTOR_POSITION]) <= F / stiffness);
+            speed = k == 999 ? b.drive[DRIVE_MOTOR_SPEED] : speed;
+        }
+        if (slides) {
+            assert_near(b.drive[DRIVE_MOTOR_SPEED] - speed, (torque - F) / sea.J, 1e-9);
+        }
+        bench_end(&b);
+    }
+}
+
 /* A link that swings with its drive, by the default step and by rk4 in steps of 2 us. */
-TEST(integrators_agree_on_a_swinging_link)
+static void compare_integrators(double presliding)
 {
     const struct robot_sea sea = toy_drive(100.0);
+    struct robot_effects effects = all_terms();
     struct plant_energy energy;
     double q[2][4];
+
+    effects.presliding = presliding;
 
     for (int n = 0; n < 2; n++) {
         const size_t per_ms = n == 0 ? 1 : 500;
         struct bench b;
 
-        bench_begin(&b, sea, all_terms(), true, n == 0 ? PLANT_IMPLICIT : PLANT_RK4,
+        bench_begin(&b, sea, effects, true, n == 0 ? PLANT_IMPLICIT : PLANT_RK4,
                     MS / (int64_t)per_ms);
         b.motor->bridge_on = true;
         for (int k = 0; k < 400; k++) {
@@ -189,4 +268,10 @@ TEST(integrators_agree_on_a_swinging_link)
     for (int k = 0; k < 4; k++) {
         assert_near(q[0][k], q[1][k], 2e-3 * fabs(q[1][k]) + 1e-4);
     }
+}
+
+TEST(integrators_agree_on_a_swinging_link)
+{
+    compare_integrators(0.0);
+    compare_integrators(500.0);
 }

@@ -20,7 +20,7 @@ struct passive_drive {
     double limit; /* of the joint to both sides, rad; 0: none */
     struct robot_stop stop;
     bool shorted;
-    double q, qd, qm, qmd, hysteresis; /* at the start */
+    double q, qd, qm, qmd, hysteresis, grip; /* at the start */
 };
 
 static double log_uniform(struct random_stream *r, double low, double high)
@@ -108,6 +108,10 @@ static struct passive_drive draw_drive(uint64_t seed)
         d.qd = uniform(r) * fmin(100.0, scale * sqrt(Ks / d.inertia));
         d.qmd = uniform(r) * fmin(100.0, scale * sqrt(Ks / d.sea.J));
     }
+    if (e->breakaway > 0.0 && coin(r)) {
+        e->presliding = Ks * log_uniform(r, 1e-2, 1e3);
+        d.grip = e->breakaway * uniform(r);
+    }
     return d;
 }
 
@@ -121,6 +125,7 @@ enum store {
     WINDING,
     HYSTERESIS,
     COGGING,
+    GRIP,
     STORES
 };
 
@@ -137,7 +142,8 @@ static double find_energies(const struct passive_drive *d, const double *y, doub
     const double q = y[0], qm = y[AT_DRIVE], z = y[AT_EFFECT];
     const double error = e->error[0].amplitude * sin(2.0 * d->sea.N * qm + e->error[0].phase);
     const double bend = fmax(0.0, fabs(qm + error - q) - 0.5 * e->backlash);
-    const double off = 4e-16 * (fabs(q) + fabs(qm)), stiff = d->sea.Ks + e->hysteresis_stiffness;
+    const double stiff = d->sea.Ks + e->hysteresis_stiffness + e->presliding;
+    const double off = 4e-16 * (fabs(q) + fabs(qm)), grip = y[AT_EFFECT + 3];
     double rounding = 2.0 * stiff * off * (off + fabs(qm - q));
 
     store[LINK] = 0.5 * d->inertia * y[1] * y[1];
@@ -149,6 +155,7 @@ static double find_energies(const struct passive_drive *d, const double *y, doub
     store[WINDING] = 0.5 * d->sea.L * y[AT_DRIVE + 2] * y[AT_DRIVE + 2];
     store[HYSTERESIS] = e->hysteresis > 0.0 ? 0.5 * z * z / e->hysteresis_stiffness : 0.0;
     store[COGGING] = e->cogging[0].amplitude / (24.0 * d->sea.N) * cos(24.0 * d->sea.N * qm);
+    store[GRIP] = e->presliding > 0.0 ? 0.5 * grip * grip / e->presliding : 0.0;
     for (int i = 0; i < STORES; i++) {
         rounding += 2e-14 * fabs(store[i]);
     }
@@ -177,6 +184,7 @@ static void drive_open(struct toy_plant *p, const struct passive_drive *d)
     p->state[AT_DRIVE] = d->qm;
     p->state[AT_DRIVE + 1] = d->qmd;
     p->state[AT_EFFECT] = d->hysteresis;
+    p->state[AT_EFFECT + 3] = d->grip;
     p->motor->bridge_on = d->shorted;
 }
 

@@ -746,6 +746,8 @@ static const struct fault {
      "found a drive with key \"breakaway_nm\" and without \"stribeck_rad_s\", expected both"},
     {"L_h: 0.0003", "L_h: 0.0003, coulomb_nm: 2, breakaway_nm: 1, stribeck_rad_s: 1", "17:12",
      "found gear friction of 2 N m and a breakaway torque of 1 N m"},
+    {"L_h: 0.0003", "L_h: 0.0003, presliding_nm_rad: 2", "17:12",
+     "found a presliding stiffness of 2 N m/rad without friction of the gear"},
     {"L_h: 0.0003", "L_h: 0.0003, hysteresis_nm: 2", "17:12",
      "found a drive with key \"hysteresis_nm\" and without \"hysteresis_nm_rad\""},
     {"L_h: 0.0003", "L_h: 0.0003, gear_error: [{per_turn: 2, rad: 0.5}]", "17:12",
