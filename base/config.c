@@ -242,17 +242,6 @@ enum error_code rig_locate_from(const char *name, const char *from, struct arena
 
 /* ---- all names ---- */
 
-/* Checks whether a list of entries contains a name. */
-static bool config_has_entry(const struct config_entry *entries, size_t count, const char *name)
-{
-    for (size_t i = 0; i < count; i++) {
-        if (!strcmp(entries[i].name, name)) {
-            return true;
-        }
-    }
-    return false;
-}
-
 /* Adds the file NAME.yaml of a folder. Skips it if an earlier tree has NAME, or if NAME is not a
  * valid name. */
 static enum error_code config_add_entry(const char *folder, const char *file, struct arena *arena,
@@ -265,7 +254,7 @@ static enum error_code config_add_entry(const char *folder, const char *file, st
         return ERROR_NONE;
     }
     snprintf(name, sizeof name, "%.*s", (int)(length - end), file);
-    if (!text_is_name(name) || strchr(name, '.') || config_has_entry(entries, *count, name) ||
+    if (!text_is_name(name) || strchr(name, '.') || TEXT_FIND(entries, *count, name, name) >= 0 ||
         (size_t)snprintf(path, sizeof path, "%s/%s", folder, file) >= sizeof path ||
         !path_is_file(path)) {
         return ERROR_NONE;

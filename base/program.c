@@ -18,12 +18,9 @@ enum { STACK_LEAST = 512 * 1024 };
 
 const struct program_command *program_find(const struct program *program, const char *name)
 {
-    for (size_t i = 0; i < program->ncommand; i++) {
-        if (!strcmp(program->command[i].name, name)) {
-            return &program->command[i];
-        }
-    }
-    return NULL;
+    const int at = TEXT_FIND(program->command, program->ncommand, name, name);
+
+    return at < 0 ? NULL : &program->command[at];
 }
 
 void program_print_usage(const struct program *program, FILE *out)

@@ -49,6 +49,19 @@ bool text_to_int(const char *text, int64_t min, int64_t max, int64_t *value)
 
 enum { LONGEST_WORD = 63 };
 
+int text_find(const void *structs, size_t count, size_t stride, size_t offset, const char *text)
+{
+    for (size_t i = 0; i < count; i++) {
+        const char *member = (const char *)structs + i * stride + offset;
+        const char *own = *(const char *const *)(const void *)member;
+
+        if (own && strcmp(own, text) == 0) {
+            return (int)i;
+        }
+    }
+    return -1;
+}
+
 bool text_is_name(const char *text)
 {
     static const char letters[] =

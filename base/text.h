@@ -28,6 +28,19 @@ size_t text_utf8_length(const char *text, size_t size);
  * C1 controls in UTF-8, and bytes that are not UTF-8. The length does not change. */
 void text_make_printable(char *text);
 
+/* Returns the index of the first of `count` structs, each of `stride` bytes, whose member at this
+ * offset is `text`; -1 = none. TEXT_FIND names the member. TEXT_INDEX searches a list of texts. A
+ * member is a pointer to a text, or NULL, and no array of characters: TEXT_IS_POINTER, which is 0,
+ * does not compile with one. RT-safe. */
+int text_find(const void *structs, size_t count, size_t stride, size_t offset, const char *text);
+
+#define TEXT_IS_POINTER(member)                                                                    \
+    _Generic((member), char ** : 0, const char ** : 0, const char *const * : 0, char *const * : 0)
+#define TEXT_FIND(array, count, member, text)                                                      \
+    text_find((array), (count), sizeof *(array),                                                   \
+              offsetof(__typeof__(*(array)), member) + TEXT_IS_POINTER(&(array)->member), (text))
+#define TEXT_INDEX(list, count, text) text_find((list), (count), sizeof *(list), 0, (text))
+
 /* Returns the word nearest to `word` by edit distance; a swap of two letters is one edit. If no
  * word is near, returns the first one that begins with `word`, if `word` has at least three
  * letters. Else returns NULL. Near means a distance of at most 2 or a third of the length, if more.

@@ -419,12 +419,9 @@ static void yaml_set_defaults(const struct yaml_schema *schema, const struct yam
 
 const struct yaml_field *yaml_find_field(const struct yaml_schema *schema, const char *key)
 {
-    for (size_t i = 0; schema && i < schema->field_count; i++) {
-        if (strcmp(schema->fields[i].key, key) == 0) {
-            return &schema->fields[i];
-        }
-    }
-    return NULL;
+    const int at = schema ? TEXT_FIND(schema->fields, schema->field_count, key, key) : -1;
+
+    return at < 0 ? NULL : &schema->fields[at];
 }
 
 /* Reads the values of a mapping and stores the places of its keys. */
@@ -549,17 +546,14 @@ enum error_code yaml_find_name(struct yaml_names names, const char *what, const 
     char text[YAML_SHOWN + 4], list[256];
     size_t count = names.count < MAX_NAMES ? names.count : MAX_NAMES;
 
-    for (size_t i = 0; i < names.count; i++) {
+    *index = text_find(names.array, names.count, names.stride, names.offset, name);
+    if (*index >= 0) {
+        return ERROR_NONE;
+    }
+    for (size_t i = 0; i < count; i++) {
         const char *entry = (const char *)names.array + i * names.stride + names.offset;
-        const char *word = *(const char *const *)(const void *)entry;
 
-        if (strcmp(word, name) == 0) {
-            *index = (int)i;
-            return ERROR_NONE;
-        }
-        if (i < count) {
-            words[i] = word;
-        }
+        words[i] = *(const char *const *)(const void *)entry;
     }
     nearest = text_nearest(name, words, count);
     yaml_join_words(words, count, list, sizeof list);

@@ -4,6 +4,7 @@
 #include "canbus/dbc.h"
 
 #include "base/array.h"
+#include "base/text.h"
 #include "canbus/frame.h"
 
 #include <errno.h>
@@ -50,17 +51,8 @@ static bool dbc_is_reserved(const char *name)
     static const char *const words[] = {"VERSION", "NS_", "BS_", "BU_",
                                         "BO_",     "SG_", "EV_", DBC_NOBODY};
 
-    for (size_t i = 0; i < DBC_SYMBOLS; i++) {
-        if (!strcmp(name, dbc_symbols[i])) {
-            return true;
-        }
-    }
-    for (size_t i = 0; i < ARRAY_COUNT(words); i++) {
-        if (!strcmp(name, words[i])) {
-            return true;
-        }
-    }
-    return false;
+    return TEXT_INDEX(dbc_symbols, DBC_SYMBOLS, name) >= 0 ||
+           TEXT_INDEX(words, ARRAY_COUNT(words), name) >= 0;
 }
 
 bool dbc_is_name(const char *name)
@@ -135,12 +127,7 @@ enum error_code dbc_set_comment(struct dbc *dbc, const char **comment, const cha
 
 int dbc_find_node(const struct dbc *dbc, const char *name)
 {
-    for (size_t i = 0; i < dbc->nnode; i++) {
-        if (!strcmp(dbc->node[i].name, name)) {
-            return (int)i;
-        }
-    }
-    return DBC_NO_NODE;
+    return TEXT_FIND(dbc->node, dbc->nnode, name, name);
 }
 
 enum error_code dbc_add_node(struct dbc *dbc, const char *name, struct error *error)

@@ -2,6 +2,8 @@
 /* Builds the robot's body model for tasks, and the configuration of the walk. */
 #include "rig/builder_private.h"
 
+#include "base/text.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -21,12 +23,7 @@ static struct body_frame task_body_frame(const struct robot *robot, int index)
 /* Returns the index of a joint's axis, or -1 if the joint has no axis. */
 static int task_body_axis(const struct rig *rig, const char *joint)
 {
-    for (size_t i = 0; i < rig->naxis; i++) {
-        if (strcmp(rig->axis[i].joint, joint) == 0) {
-            return (int)i;
-        }
-    }
-    return -1;
+    return TEXT_FIND(rig->axis, rig->naxis, joint, joint);
 }
 
 /* Builds a link of the body model from a body of the robot and its parent joint. */

@@ -485,10 +485,5 @@ const char *rig_contact_name(const struct rig *rig, size_t motion)
 
 int rig_find_bus(const struct rig *rig, const char *name)
 {
-    for (size_t i = 0; i < rig->nbus; i++) {
-        if (!strcmp(rig->bus[i].name, name)) {
-            return (int)i;
-        }
-    }
-    return -1;
+    return TEXT_FIND(rig->bus, rig->nbus, name, name);
 }

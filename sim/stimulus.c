@@ -3,6 +3,7 @@
  * store. */
 #include "sim/stimulus.h"
 
+#include "base/text.h"
 #include "boards/messages.h"
 #include "canbus/candump.h"
 
@@ -65,12 +66,9 @@ static bool stimulus_mark_sent(void *context, const struct message *message)
 /* Finds a bus by the name of its interface, else by its own name; -1 = none. */
 static int stimulus_find_bus(const struct stimulus_reader *reader, const char *name)
 {
-    for (size_t b = 0; b < reader->rig->nbus; b++) {
-        if (!strcmp(reader->interface[b], name)) {
-            return (int)b;
-        }
-    }
-    return rig_find_bus(reader->rig, name);
+    const int bus = TEXT_INDEX(reader->interface, reader->rig->nbus, name);
+
+    return bus < 0 ? rig_find_bus(reader->rig, name) : bus;
 }
 
 /* Checks whether a board of the simulator sends this 29-bit identifier. */

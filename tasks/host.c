@@ -4,6 +4,7 @@
 #include "tasks/host_private.h"
 
 #include "base/array.h"
+#include "base/text.h"
 #include "canbus/lockstep.h"
 
 #include <inttypes.h>
@@ -819,10 +820,5 @@ const struct host_config *host_configuration(const struct host *host)
 
 int host_find_axis(const struct host *host, const char *joint)
 {
-    for (size_t i = 0; i < host->config.naxis; i++) {
-        if (strcmp(host->config.axis[i].joint, joint) == 0) {
-            return (int)i;
-        }
-    }
-    return -1;
+    return TEXT_FIND(host->config.axis, host->config.naxis, joint, joint);
 }

@@ -355,7 +355,8 @@ static enum error_code task_set_pair(struct task *task, const char *pair, struct
 {
     const char *equals = strchr(pair, '=');
     const struct task_setting *setting;
-    size_t count = task_settings(task, &setting), i = 0;
+    size_t count = task_settings(task, &setting);
+    int i;
     char name[TEXT_SIZE];
     double value;
 
@@ -363,17 +364,15 @@ static enum error_code task_set_pair(struct task *task, const char *pair, struct
         return error_set(error, ERROR_INPUT, "--set: found \"%.100s\", expected NAME=VALUE", pair);
     }
     snprintf(name, sizeof name, "%.*s", (int)(equals - pair), pair);
-    while (i < count && strcmp(setting[i].name, name) != 0) {
-        i++;
-    }
-    if (i == count) {
+    i = TEXT_FIND(setting, count, name, name);
+    if (i < 0) {
         const char *nearest = text_nearest_first(name, setting, sizeof *setting, count);
 
         return error_set(error, ERROR_INPUT, "found no setting \"%.80s\" of the task %s%s%s%s",
                          name, task->ops->name, count == 0 ? ", which has none" : "",
                          nearest ? "; the nearest is " : "", nearest ? nearest : "");
     }
-    if (!text_to_double(equals + 1, &value) || !task_set(task, i, value)) {
+    if (!text_to_double(equals + 1, &value) || !task_set(task, (size_t)i, value)) {
         return error_set(error, ERROR_INPUT, "%s: found \"%.80s\", expected %s%.6g to %.6g%s%s",
                          name, equals + 1, setting[i].whole ? "a whole number, " : "",
                          setting[i].min, setting[i].max, setting[i].unit[0] ? " " : "",

@@ -36,10 +36,11 @@ static enum error_code trajectory_find_joint(struct reader *reader, size_t colum
                                              struct error *error)
 {
     const char *title = reader->csv->title[column];
-    size_t all = strlen(title), length = all > 4 ? all - 4 : 0, joint = 0;
+    size_t all = strlen(title), length = all > 4 ? all - 4 : 0;
     const char *unit = title + length, *nearest;
     bool degrees = strcmp(unit, "_deg") == 0;
     char name[64];
+    int joint;
 
     if (length == 0 || length >= sizeof name || (!degrees && strcmp(unit, "_rad") != 0)) {
         return error_set(error, ERROR_INPUT,
@@ -48,10 +49,8 @@ static enum error_code trajectory_find_joint(struct reader *reader, size_t colum
     }
     reader->unit[column] = degrees ? M_PI / 180 : 1;
     snprintf(name, sizeof name, "%.*s", (int)length, title);
-    while (joint < reader->nlimit && strcmp(reader->limit[joint].joint, name) != 0) {
-        joint++;
-    }
-    if (joint == reader->nlimit) {
+    joint = TEXT_FIND(reader->limit, reader->nlimit, joint, name);
+    if (joint < 0) {
         nearest = text_nearest_first(name, reader->limit, sizeof *reader->limit, reader->nlimit);
         return error_set(
             error, ERROR_INPUT,
@@ -60,13 +59,13 @@ static enum error_code trajectory_find_joint(struct reader *reader, size_t colum
             nearest ? nearest : "");
     }
     for (size_t k = 1; k < column; k++) {
-        if (reader->joint[k] == joint) {
+        if (reader->joint[k] == (size_t)joint) {
             return error_set(error, ERROR_INPUT,
                              "%s:1: column %zu: found joint \"%s\" again, which column %zu has",
                              reader->csv->path, column + 1, name, k + 1);
         }
     }
-    reader->joint[column] = joint;
+    reader->joint[column] = (size_t)joint;
     return ERROR_NONE;
 }
 

@@ -4,6 +4,7 @@
 #include "viewer/recorded.h"
 
 #include "base/input_file.h"
+#include "base/text.h"
 #include "canbus/candump.h"
 
 #include <errno.h>
@@ -241,12 +242,9 @@ static int log_read_line(const struct recorded_log *log, size_t *at, char name[1
 /* Returns the index of a bus by its name in the log; nbus = none. */
 static size_t log_find_bus(const struct recorded_log *log, const char *name)
 {
-    size_t bus = 0;
+    const int bus = TEXT_INDEX(log->bus, log->nbus, name);
 
-    while (bus < log->nbus && strcmp(log->bus[bus], name) != 0) {
-        bus++;
-    }
-    return bus;
+    return bus < 0 ? log->nbus : (size_t)bus;
 }
 
 /* Adds a mark: a time, the position of the log, and each bus's traffic up to there. Returns false

@@ -5,6 +5,8 @@
  * docs/page.md describes the bytes. */
 #include "viewer/private.h"
 
+#include "base/text.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -61,12 +63,9 @@ static bool series_find_signals(struct viewer *viewer, const json_t *names, stru
 {
     for (size_t i = 0; i < json_array_size(names); i++) {
         const char *name = json_string_value(json_array_get(names, i));
-        size_t column = 0;
+        const int column = TEXT_INDEX(viewer->signal, viewer->nsignal, name);
 
-        while (column < viewer->nsignal && strcmp(viewer->signal[column], name) != 0) {
-            column++;
-        }
-        if (column == viewer->nsignal || series->nsignal == VIEWER_SIGNALS) {
+        if (column < 0 || series->nsignal == VIEWER_SIGNALS) {
             error_set(error, ERROR_INPUT,
                       "series: found \"%.60s\", expected the names of at most %d signals", name,
                       VIEWER_SIGNALS);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Writes states: binary messages with the values of one time. docs/page.md has the layout. */
+#include "base/text.h"
 #include "base/vec3.h"
 #include "rt/clock.h"
 #include "viewer/private.h"
@@ -38,14 +39,11 @@ size_t viewer_find_column(const char *const *title, size_t count, const char *be
                           const char *name, const char *after)
 {
     char text[192];
+    int column;
 
     snprintf(text, sizeof text, "%s%.100s%s", before, name, after);
-    for (size_t i = 0; i < count; i++) {
-        if (strcmp(title[i], text) == 0) {
-            return i;
-        }
-    }
-    return SIZE_MAX;
+    column = TEXT_INDEX(title, count, text);
+    return column < 0 ? SIZE_MAX : (size_t)column;
 }
 
 static double state_signal(const struct viewer *viewer, size_t column, size_t offset)

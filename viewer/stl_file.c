@@ -7,6 +7,7 @@
 #include "viewer/private.h"
 
 #include "base/input_file.h"
+#include "base/text.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -43,12 +44,9 @@ enum { STL_HEADER = 84, STL_FACE = 50 };
 
 size_t viewer_visual_source(const struct robot *robot, size_t visual)
 {
-    for (size_t i = 0; i < visual; i++) {
-        if (robot->visual[i].file && !strcmp(robot->visual[i].file, robot->visual[visual].file)) {
-            return i;
-        }
-    }
-    return visual;
+    const int first = TEXT_FIND(robot->visual, visual, file, robot->visual[visual].file);
+
+    return first < 0 ? visual : (size_t)first;
 }
 
 /* Returns the number of triangles in an STL header. */

@@ -2,6 +2,8 @@
 /* Reproduces the paper's section 6, Table 2 and Figs. 9 to 11: COMAN takes a box from a table. */
 #include "app/bench/bench.h"
 
+#include "base/text.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -107,17 +109,6 @@ static size_t faces_of(const struct contact_surface *surface)
                                             : 0;
 }
 
-/* Returns the surface with this name in the rig, or NULL. */
-static const struct contact_surface *find_surface(const struct rig *rig, const char *name)
-{
-    for (size_t i = 0; i < rig->contact.nsurface; i++) {
-        if (!strcmp(rig->contact.surface[i].name, name)) {
-            return &rig->contact.surface[i];
-        }
-    }
-    return NULL;
-}
-
 /* Adds Table 2. */
 static void put_table_2(struct report *report, const struct rig *rig)
 {
@@ -134,11 +125,14 @@ static void put_table_2(struct report *report, const struct rig *rig)
         "surface|paper: type|paper: faces|paper: friction (dynamic, static, viscous)|type|faces|"
         "friction|Young's modulus, Pa|layer, mm|dissipation, s/m|why it differs");
     for (size_t i = 0; i < sizeof surfaces / sizeof surfaces[0]; i++) {
-        const struct contact_surface *surface = find_surface(rig, surfaces[i].surface);
+        const int at =
+            TEXT_FIND(rig->contact.surface, rig->contact.nsurface, name, surfaces[i].surface);
         char faces[24] = "-";
 
         /* Add a row with the paper's values of a surface and ours */
-        if (surface) {
+        if (at >= 0) {
+            const struct contact_surface *surface = &rig->contact.surface[at];
+
             if (faces_of(surface)) {
                 snprintf(faces, sizeof faces, "%zu", faces_of(surface));
             }

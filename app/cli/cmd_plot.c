@@ -4,6 +4,7 @@
 #include "app/report/signals.h"
 #include "app/report/svg.h"
 #include "base/array.h"
+#include "base/text.h"
 #include "base/whole_file.h"
 #include "manual/plot.h"
 
@@ -57,17 +58,6 @@ static const char *plot_axis_of(const char *title)
 
 /* ---- selection of signals ---- */
 
-/* Checks whether a name is already selected. */
-static bool plot_has_name(const char *const *chosen, size_t count, const char *name)
-{
-    for (size_t i = 0; i < count; i++) {
-        if (!strcmp(chosen[i], name)) {
-            return true;
-        }
-    }
-    return false;
-}
-
 /* Selects the titles that match names or patterns, in file order. A name without a match is kept,
  * so that reading the file reports it. */
 static enum error_code plot_choose(const struct option_list *names, const char *const *title,
@@ -86,7 +76,7 @@ static enum error_code plot_choose(const struct option_list *names, const char *
                 continue;
             }
             matched = true;
-            if (plot_has_name(chosen, *count, name)) {
+            if (TEXT_INDEX(chosen, *count, name) >= 0) {
                 continue;
             }
             if (*count == SIGNALS_MAX) {

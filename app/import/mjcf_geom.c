@@ -3,6 +3,7 @@
 #include "app/import/readers_private.h"
 
 #include "base/array.h"
+#include "base/text.h"
 #include "base/vec3.h"
 
 #include <math.h>
@@ -187,12 +188,10 @@ static bool geom_read_type(const struct import_reader *r, const xmlNode *node,
         [IMPORT_ELLIPSOID] = "ellipsoid", [IMPORT_MESH] = "mesh",
     };
     const char *type = mjcf_attribute(r, node, childclass, "type");
-    size_t i = 0;
+    int i;
 
     type = type ? type : mjcf_attribute(r, node, childclass, "mesh") ? "mesh" : "sphere";
-    while (i < ARRAY_COUNT(words) && strcmp(type, words[i]) != 0) {
-        i++;
-    }
+    i = TEXT_INDEX(words, ARRAY_COUNT(words), type);
     g->shape = (enum import_shape)i;
     if (g->shape != IMPORT_MESH && mjcf_attribute(r, node, childclass, "mesh")) {
         xml_refuse(r->file, node,
@@ -200,13 +199,13 @@ static bool geom_read_type(const struct import_reader *r, const xmlNode *node,
                    "expected type \"mesh\" or a size",
                    type);
     }
-    if (i == ARRAY_COUNT(words)) {
+    if (i < 0) {
         reader_note(r, IMPORT_DROPPED, node,
                     "geom of type \"%.40s\": robots here have spheres, boxes, cylinders, capsules, "
                     "ellipsoids and meshes",
                     type);
     }
-    return i < ARRAY_COUNT(words);
+    return i >= 0;
 }
 
 /* Reads the dimensions of a geom from size, or from the ends in fromto. */

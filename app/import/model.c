@@ -115,22 +115,12 @@ void import_rpy(const double R[9], double rpy[3])
 
 int import_find_link(const struct import_model *model, const char *name)
 {
-    for (size_t i = 0; i < model->nlink; i++) {
-        if (strcmp(model->link[i].name, name) == 0) {
-            return (int)i;
-        }
-    }
-    return -1;
+    return TEXT_FIND(model->link, model->nlink, name, name);
 }
 
 int import_find_joint(const struct import_model *model, const char *name)
 {
-    for (size_t i = 0; i < model->njoint; i++) {
-        if (strcmp(model->joint[i].name, name) == 0) {
-            return (int)i;
-        }
-    }
-    return -1;
+    return TEXT_FIND(model->joint, model->njoint, name, name);
 }
 
 /* ---- inertias ---- */

@@ -2,6 +2,7 @@
 /* Makes frames, sensors and poses of the robot. */
 #include "app/import/tree_simplify_private.h"
 
+#include "base/text.h"
 #include "base/vec3.h"
 
 #include <math.h>
@@ -165,17 +166,6 @@ void simplify_add_frames(struct simplifier *r)
 
 /* ---- poses ---- */
 
-/* Returns a pose's value for a joint, or NULL. */
-static const struct import_value *pose_find_value(const struct import_pose *pose, const char *joint)
-{
-    for (size_t i = 0; i < pose->nvalue; i++) {
-        if (!strcmp(pose->value[i].joint, joint)) {
-            return &pose->value[i];
-        }
-    }
-    return NULL;
-}
-
 /* Adds a pose of the file. Joints that it does not name are at rest. All joints are moved into
  * their limits. */
 static void simplify_add_pose(struct simplifier *r, const struct import_pose *source)
@@ -193,7 +183,8 @@ static void simplify_add_pose(struct simplifier *r, const struct import_pose *so
 
     /* The limits are those of the joint and of all joints coupled to it */
     for (size_t j = 0; j < robot->njoint && position; j++) {
-        const struct import_value *value = pose_find_value(source, r->out->source[j]->name);
+        const int given = TEXT_FIND(source->value, source->nvalue, joint, r->out->source[j]->name);
+        const struct import_value *value = given < 0 ? NULL : &source->value[given];
         const struct robot_joint *joint = &robot->joint[j];
         const size_t own = (size_t)(r->out->source[j] - r->model->joint);
         const double lower = fmax(joint->lower, r->lower[own]);

@@ -2,6 +2,7 @@
 /* Finds the tree of links and its moving joints. */
 #include "app/import/tree_simplify_private.h"
 
+#include "base/text.h"
 #include "base/vec3.h"
 #include "rig/rig.h"
 
@@ -66,17 +67,6 @@ static bool simplify_is_object(const struct simplifier *r, size_t j)
            r->above[joint->parent_link] < 0 && !r->model->link[joint->parent_link].has_inertia;
 }
 
-/* Checks whether --lock names a joint. */
-static bool option_locks_joint(const struct import_options *options, const char *name)
-{
-    for (size_t i = 0; i < options->nlock; i++) {
-        if (!strcmp(options->lock[i], name)) {
-            return true;
-        }
-    }
-    return false;
-}
-
 /* Counts the joints that turn or slide in each tree on the root: only those with an actuator, if
  * the file has any. count[j] receives the number behind joint j, if joint j is on the root. */
 static void world_count_joints(const struct simplifier *r, size_t *count)
@@ -132,7 +122,7 @@ void simplify_enter_world(struct simplifier *r)
             continue;
         }
         if (!object && other->type != IMPORT_FIXED &&
-            !option_locks_joint(r->options, other->name)) {
+            TEXT_INDEX(r->options->lock, r->options->nlock, other->name) < 0) {
             import_error(r->error, other->file, other->line,
                          "found joint \"%.63s\" on the root \"%.63s\" beside the floating joint "
                          "\"%.63s\" (line %d), expected that alone: one robot floats; --lock "

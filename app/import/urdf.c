@@ -6,6 +6,7 @@
 #include "app/import/readers_private.h"
 
 #include "base/array.h"
+#include "base/text.h"
 #include "base/vec3.h"
 
 #include <math.h>
@@ -291,12 +292,9 @@ static void urdf_read_joint_type(const struct import_reader *r, const xmlNode *n
         [IMPORT_FLOATING] = "floating",     [IMPORT_PLANAR] = "planar",
     };
     const char *type = xml_need(r->file, node, "type");
-    size_t i = 0;
+    const int i = TEXT_INDEX(words, ARRAY_COUNT(words), type);
 
-    while (i < ARRAY_COUNT(words) && strcmp(type, words[i]) != 0) {
-        i++;
-    }
-    if (i == ARRAY_COUNT(words)) {
+    if (i < 0) {
         xml_refuse(r->file, node,
                    "found type \"%.40s\" of joint \"%.63s\", expected fixed, revolute, continuous, "
                    "prismatic, floating or planar",

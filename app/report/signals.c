@@ -41,12 +41,9 @@ static enum error_code select_signals(struct table *table, const char *const *na
     const struct csv *csv = table->csv;
 
     for (size_t i = 0; i < count; i++) {
-        size_t column = 0;
+        const int column = TEXT_INDEX(csv->title, csv->ncolumn, name[i]);
 
-        while (column < csv->ncolumn && strcmp(csv->title[column], name[i]) != 0) {
-            column++;
-        }
-        if (column == csv->ncolumn) {
+        if (column < 0) {
             const char *nearest = text_nearest(name[i], csv->title, csv->ncolumn);
 
             return error_set(error, ERROR_INPUT,
@@ -54,7 +51,7 @@ static enum error_code select_signals(struct table *table, const char *const *na
                              name[i], csv->path, nearest ? "; the nearest is " : "",
                              nearest ? nearest : "");
         }
-        table->chosen[++signals->nsignal] = column;
+        table->chosen[++signals->nsignal] = (size_t)column;
     }
     return ERROR_NONE;
 }

@@ -79,12 +79,10 @@ static size_t count_lines(const char *text, size_t size)
 /* Returns the caller's value for a parameter; NULL = none, use the values of the file. */
 static const char *given_value(const struct parameters *parameters, size_t index)
 {
-    for (size_t i = 0; i < parameters->ngiven; i++) {
-        if (!strcmp(parameters->given[i].name, parameters->parameter[index].name)) {
-            return parameters->given[i].text;
-        }
-    }
-    return NULL;
+    const int at =
+        TEXT_FIND(parameters->given, parameters->ngiven, name, parameters->parameter[index].name);
+
+    return at < 0 ? NULL : parameters->given[at].text;
 }
 
 /* Returns the number of values of a parameter. */
@@ -241,7 +239,8 @@ static enum error_code expand_parameters(const char *file, const char *text, siz
     *used = 0;
     for (size_t at = 0; at < size;) {
         char name[64], value[SCENARIO_VALUE_MAX];
-        size_t length, index = 0;
+        size_t length;
+        int index;
 
         if (*used + sizeof value > EXPANDED_MAX) {
             return error_set(error, ERROR_INPUT, "%s: found more than %d bytes, expected fewer",
@@ -261,13 +260,11 @@ static enum error_code expand_parameters(const char *file, const char *text, siz
         name[length] = '\0';
 
         /* Find the parameter's value in this combination */
-        while (index < given->count && strcmp(given->parameter[index].name, name) != 0) {
-            index++;
-        }
-        if (index == given->count || at + 2 + length >= size || text[at + 2 + length] != '}') {
+        index = TEXT_FIND(given->parameter, given->count, name, name);
+        if (index < 0 || at + 2 + length >= size || text[at + 2 + length] != '}') {
             return unknown_parameter(file, text, at, name, given, error);
         }
-        value_in(given, index, number, value);
+        value_in(given, (size_t)index, number, value);
         *used += (size_t)snprintf(out + *used, sizeof value, "%s", value);
         at += length + 3;
     }

@@ -2,6 +2,7 @@
 /* Collects the results of a plan's cases, and writes them as JUnit XML, CSV and HTML. */
 #include "app/sweep/plan.h"
 
+#include "base/text.h"
 #include "base/whole_file.h"
 
 #include <dirent.h>
@@ -117,13 +118,10 @@ size_t plan_names(const struct plan *plan, const char *name[PLAN_NAMES_MAX])
 
     for (size_t i = 0; i < plan->nlist; i++) {
         for (size_t v = 0; v < plan->list[i].nvalue; v++) {
-            size_t k = 0;
+            const char *own = plan->list[i].value[v].name;
 
-            while (k < count && strcmp(name[k], plan->list[i].value[v].name) != 0) {
-                k++;
-            }
-            if (k == count && count < PLAN_NAMES_MAX) {
-                name[count++] = plan->list[i].value[v].name;
+            if (TEXT_INDEX(name, count, own) < 0 && count < PLAN_NAMES_MAX) {
+                name[count++] = own;
             }
         }
     }
@@ -132,12 +130,9 @@ size_t plan_names(const struct plan *plan, const char *name[PLAN_NAMES_MAX])
 
 const char *plan_value(const struct plan_case *one, const char *name)
 {
-    for (size_t i = 0; i < one->nvalue; i++) {
-        if (!strcmp(one->value[i].name, name)) {
-            return one->value[i].text;
-        }
-    }
-    return "";
+    const int at = TEXT_FIND(one->value, one->nvalue, name, name);
+
+    return at < 0 ? "" : one->value[at].text;
 }
 
 /* Writes a line for each case: its values, verdict, margin and hash. */

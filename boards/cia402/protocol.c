@@ -3,6 +3,7 @@
 #include "boards/cia402/private.h"
 
 #include "base/array.h"
+#include "base/text.h"
 #include "boards/protocol_list.h"
 #include "manual/protocol_cia402.h"
 
@@ -90,12 +91,9 @@ enum cia402_kind cia402_kind_of(const struct board_config *board)
 
 const struct field *cia402_plan_fields(const struct cia402_plan *plan)
 {
-    for (size_t i = 0; i < ARRAY_COUNT(plans); i++) {
-        if (!strcmp(plans[i].name, plan->name)) {
-            return plans[i].fields;
-        }
-    }
-    return NULL;
+    const int at = TEXT_FIND(plans, ARRAY_COUNT(plans), name, plan->name);
+
+    return at < 0 ? NULL : plans[at].fields;
 }
 
 /* Visits a message of a board, or of the host to all nodes (board = MESSAGE_NO_BOARD). Sets its

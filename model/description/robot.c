@@ -7,6 +7,7 @@
 
 #include "base/hash.h"
 #include "base/portable_math.h"
+#include "base/text.h"
 #include "model/spatial.h"
 
 #include <stdlib.h>
@@ -299,33 +300,22 @@ const struct robot_coupling *robot_find_coupling(const struct robot *robot, size
     return NULL;
 }
 
-/* Returns the index of the struct with a name, or -1. Each struct begins with its name. */
-static int find_first_name(const void *structs, size_t size, size_t count, const char *name)
-{
-    for (size_t i = 0; i < count; i++) {
-        if (strcmp(*(const char *const *)((const char *)structs + i * size), name) == 0) {
-            return (int)i;
-        }
-    }
-    return -1;
-}
-
 int robot_find_body(const struct robot *robot, const char *name)
 {
-    return find_first_name(robot->body, sizeof *robot->body, robot->nbody, name);
+    return TEXT_FIND(robot->body, robot->nbody, name, name);
 }
 
 int robot_find_joint(const struct robot *robot, const char *name)
 {
-    return find_first_name(robot->joint, sizeof *robot->joint, robot->njoint, name);
+    return TEXT_FIND(robot->joint, robot->njoint, name, name);
 }
 
 int robot_find_frame(const struct robot *robot, const char *name)
 {
-    return find_first_name(robot->frame, sizeof *robot->frame, robot->nframe, name);
+    return TEXT_FIND(robot->frame, robot->nframe, name, name);
 }
 
 int robot_find_pose(const struct robot *robot, const char *name)
 {
-    return find_first_name(robot->pose, sizeof *robot->pose, robot->npose, name);
+    return TEXT_FIND(robot->pose, robot->npose, name, name);
 }

@@ -19,12 +19,7 @@ static const struct named *named_entry(const void *array, size_t stride, size_t 
 
 int find_named_entry(const void *array, size_t count, size_t stride, const char *name)
 {
-    for (size_t i = 0; i < count; i++) {
-        if (strcmp(named_entry(array, stride, i)->name, name) == 0) {
-            return (int)i;
-        }
-    }
-    return -1;
+    return text_find(array, count, stride, offsetof(struct named, name), name);
 }
 
 enum error_code robot_no_memory(struct robot_builder *b)

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Builds the bodies and joints of a robot file: the tree, with parallel springs, in the order of
  * joints. */
+#include "base/text.h"
 #include "base/vec3.h"
 #include "model/description/yaml.h"
 
@@ -44,12 +45,7 @@ size_t robot_count_keys(const struct yaml_mark *mapping, const char *const *keys
 /* Returns the joint that moves the body with this name, or -1. */
 static int joint_that_moves(const struct robot_yaml *file, const char *body)
 {
-    for (size_t j = 0; j < file->njoint; j++) {
-        if (strcmp(file->joint[j].child, body) == 0) {
-            return (int)j;
-        }
-    }
-    return -1;
+    return TEXT_FIND(file->joint, file->njoint, child, body);
 }
 
 /* Finds a body of the file by name. Errors point to the key in the mapping. */

@@ -215,3 +215,17 @@ TEST(nothing_is_left_that_a_terminal_may_obey)
         assert_string_equal(text, cases[i].printable);
     }
 }
+
+TEST(find_compares_a_member_of_structs_or_a_list_and_skips_null)
+{
+    const struct {
+        int number;
+        const char *name;
+    } rows[] = {{1, NULL}, {2, "knee"}, {3, "hip"}, {4, "knee"}};
+    const char *const list[] = {"x", "y"};
+
+    assert_int_equal(TEXT_FIND(rows, 4, name, "knee"), 1);
+    assert_int_equal(TEXT_FIND(rows, 2, name, "hip"), -1);
+    assert_int_equal(TEXT_INDEX(list, 2, "y"), 1);
+    assert_int_equal(text_find(NULL, 0, 8, 0, "y"), -1);
+}
