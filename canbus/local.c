@@ -35,11 +35,6 @@ enum {
     SIGNAL_EVENT = 4,  /* the descriptor is readable, or a sender is about to make it readable */
 };
 
-/* The frames in transit from one sender to one receiver. */
-struct local_lane {
-    struct ring ring; /* ring of frames */
-};
-
 struct local_node {
     struct can_port port;
     struct local_bus *bus;
@@ -69,7 +64,9 @@ struct local_bus {
     _Atomic size_t count;      /* number of joined nodes; all of them are complete */
     _Atomic uint64_t sequence; /* number of the next frame */
     struct local_node *nodes;
-    struct local_lane *lanes; /* [receiver * places + sender] */
+    /* Lanes, each with the frames in transit from one sender to one receiver:
+     * [receiver * places + sender] */
+    struct ring *lanes;
 
     /* Wire mode; used by the advancing thread only, except `plugged` */
     struct wire *wire;
@@ -85,8 +82,8 @@ struct local_bus {
     void *listener_context;
 };
 
-static inline struct local_lane *local_lane_between(const struct local_bus *bus, size_t receiver,
-                                                    size_t sender)
+static inline struct ring *local_lane_between(const struct local_bus *bus, size_t receiver,
+                                              size_t sender)
 {
     return &bus->lanes[receiver * bus->places + sender];
 }
@@ -141,8 +138,8 @@ static bool local_clear_event(int event)
 }
 
 /* Puts a frame into a lane of a node. Returns false if the node does not receive it. */
-static inline bool local_put_frame(struct local_node *node, struct local_lane *lane,
-                                   uint64_t number, const struct bus_frame *frame)
+static inline bool local_put_frame(struct local_node *node, struct ring *lane, uint64_t number,
+                                   const struct bus_frame *frame)
 {
     struct local_frame *entry;
 
@@ -150,14 +147,14 @@ static inline bool local_put_frame(struct local_node *node, struct local_lane *l
         !local_node_accepts(node, frame)) {
         return false;
     }
-    entry = ring_back(&lane->ring);
+    entry = ring_back(lane);
     if (!entry) {
         atomic_fetch_add_explicit(&node->inbox_dropped, 1, memory_order_relaxed);
         return true;
     }
     entry->number = number;
     entry->frame = *frame;
-    ring_commit(&lane->ring);
+    ring_commit(lane);
     return true;
 }
 
@@ -213,7 +210,7 @@ static bool local_bypasses_wire(const struct local_bus *bus, const struct bus_fr
 static bool local_send_by_wire(struct local_node *sender, const struct bus_frame *frame)
 {
     const struct local_bus *bus = sender->bus;
-    struct ring *ring = &local_lane_between(bus, bus->config.max_nodes, sender->index)->ring;
+    struct ring *ring = local_lane_between(bus, bus->config.max_nodes, sender->index);
     struct local_frame *entry = frame->node < sender->controllers ? ring_back(ring) : NULL;
 
     if (!entry) {
@@ -425,7 +422,7 @@ static void local_report_wire_drops(struct local_bus *bus)
  * each controller belongs to one port. */
 static void local_transmit_waiting(struct local_bus *bus, size_t sender)
 {
-    struct ring *ring = &local_lane_between(bus, bus->config.max_nodes, sender)->ring;
+    struct ring *ring = local_lane_between(bus, bus->config.max_nodes, sender);
     const size_t first = bus->nodes[sender].first_controller;
     const struct local_frame *entry;
 
@@ -546,7 +543,7 @@ static void local_send_ideal(struct local_node *sender, const struct bus_frame *
     struct local_bus *bus = sender->bus;
     const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
     const uint64_t number = atomic_fetch_add_explicit(&bus->sequence, 1, memory_order_relaxed);
-    struct local_lane *lane = local_lane_between(bus, 0, sender->index);
+    struct ring *lane = local_lane_between(bus, 0, sender->index);
     struct local_node *node = bus->nodes;
 
     for (size_t to = 0; to < nodes; to++, node++, lane += bus->places) {
@@ -587,20 +584,20 @@ static size_t local_send(struct can_port *port, const struct bus_frame *frames, 
 
 /* Returns the lane with the next frame in the order of the bus; NULL = all lanes are empty. *count:
  * frames in this lane. *limit: smallest number in the other lanes. */
-static struct local_lane *local_first_lane(const struct local_node *node, uint32_t *count,
-                                           uint64_t *limit)
+static struct ring *local_first_lane(const struct local_node *node, uint32_t *count,
+                                     uint64_t *limit)
 {
-    struct local_lane *lane = local_lane_between(node->bus, node->index, 0), *first = NULL;
-    const struct local_lane *end = lane + node->bus->places;
+    struct ring *lane = local_lane_between(node->bus, node->index, 0), *first = NULL;
+    const struct ring *end = lane + node->bus->places;
     uint64_t lowest = UINT64_MAX;
 
     *limit = UINT64_MAX;
     for (; lane < end; lane++) {
-        const struct local_frame *front = ring_front(&lane->ring);
+        const struct local_frame *front = ring_front(lane);
 
         if (front && front->number < lowest) {
             *limit = lowest;
-            *count = ring_count(&lane->ring);
+            *count = ring_count(lane);
             lowest = front->number;
             first = lane;
         } else if (front && front->number < *limit) {
@@ -614,13 +611,13 @@ static struct local_lane *local_first_lane(const struct local_node *node, uint32
  * number. */
 static size_t local_take_frames(struct local_node *node, struct bus_frame *frames, size_t max)
 {
-    struct local_lane *lane;
+    struct ring *lane;
     size_t taken = 0;
     uint32_t count;
     uint64_t limit;
 
     while (taken < max && (lane = local_first_lane(node, &count, &limit))) {
-        const struct local_frame *entry = ring_front(&lane->ring);
+        const struct local_frame *entry = ring_front(lane);
 
         /* Take the frames of this lane that come before the frames of all other lanes */
         do {
@@ -628,11 +625,10 @@ static size_t local_take_frames(struct local_node *node, struct bus_frame *frame
             /* Clear the sender's controller, because the receiver may send the frame by its own
              * controllers */
             frames[taken].node = 0;
-            ring_drop(&lane->ring);
+            ring_drop(lane);
             port_count_received(&node->port, &frames[taken]);
             taken++;
-        } while (--count > 0 && taken < max && (entry = ring_front(&lane->ring)) &&
-                 entry->number < limit);
+        } while (--count > 0 && taken < max && (entry = ring_front(lane)) && entry->number < limit);
     }
     return taken;
 }
@@ -712,7 +708,7 @@ static bool local_create_lanes(struct local_bus *bus, size_t inbox, struct arena
         if (!slots) {
             return false;
         }
-        ring_init(&bus->lanes[i].ring, slots, sizeof(struct local_frame), (uint32_t)inbox);
+        ring_init(&bus->lanes[i], slots, sizeof(struct local_frame), (uint32_t)inbox);
     }
     return true;
 }
@@ -904,19 +900,18 @@ static bool local_lane_is_own(const struct local_bus *bus, size_t own, size_t to
 }
 
 /* Copies the frames of a lane without removing them; false = no room. */
-static bool local_save_lane(const struct local_lane *lane, struct local_save *save, uint64_t *count)
+static bool local_save_lane(const struct ring *lane, struct local_save *save, uint64_t *count)
 {
-    uint32_t tail = atomic_load_explicit(&lane->ring.tail, memory_order_relaxed);
+    uint32_t tail = atomic_load_explicit(&lane->tail, memory_order_relaxed);
 
-    *count = ring_count(&lane->ring);
+    *count = ring_count(lane);
     if (*count > SAVED_FRAMES_MAX - save->count) {
         return false;
     }
     for (uint32_t i = 0; i < *count; i++) {
-        const struct local_frame *slots =
-            (const struct local_frame *)(const void *)lane->ring.slots;
+        const struct local_frame *slots = (const struct local_frame *)(const void *)lane->slots;
 
-        save->entry[save->count++] = slots[(tail + i) & lane->ring.mask];
+        save->entry[save->count++] = slots[(tail + i) & lane->mask];
     }
     return true;
 }
@@ -978,7 +973,7 @@ void local_bus_restore(struct local_bus *bus, size_t own, const void *memory)
 
     /* Replace the frames in the own lanes */
     for (size_t i = 0; i < bus->places * bus->places; i++) {
-        struct ring *ring = &bus->lanes[i].ring;
+        struct ring *ring = &bus->lanes[i];
 
         if (!local_lane_is_own(bus, own, i / bus->places, i % bus->places)) {
             continue;
