@@ -25,6 +25,8 @@ struct loop {
 struct servo {
     struct servo_config config;
     struct host *host;
+    const struct host_config *robot; /* configuration of the host */
+    const struct host_joint *joint;  /* joints of the host, by axis */
     struct loop *loop;
     int64_t last_ns; /* time of the last commands; -1 = none */
 };
@@ -41,6 +43,8 @@ enum error_code servo_create(const struct servo_config *config, struct host *hos
     }
     servo->config = *config;
     servo->host = host;
+    servo->robot = host_configuration(host);
+    servo->joint = host_joint(host, 0);
     servo->loop = loop;
     servo->last_ns = -1;
     *out = servo;
@@ -51,20 +55,19 @@ enum error_code servo_create(const struct servo_config *config, struct host *hos
  * encoders. */
 static double servo_deflection(const struct servo *servo, size_t axis)
 {
-    const struct host_config *config = host_configuration(servo->host);
-    const struct host_axis *at = &config->axis[axis];
-    const struct host_joint *joint = host_joint(servo->host, axis);
+    const double spring_nm_rad = servo->robot->axis[axis].drive.spring_nm_rad;
+    const struct host_joint *joint = &servo->joint[axis];
 
-    if (!(at->drive.spring_nm_rad > 0) || !joint->torque_told) {
+    if (!(spring_nm_rad > 0) || !joint->torque_told) {
         return joint->motor_rad - joint->joint_rad;
     }
-    return joint->torque_nm / at->drive.spring_nm_rad;
+    return joint->torque_nm / spring_nm_rad;
 }
 
 void servo_start(struct servo *servo)
 {
-    for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
-        const struct host_joint *joint = host_joint(servo->host, i);
+    for (size_t i = 0; i < servo->robot->naxis; i++) {
+        const struct host_joint *joint = &servo->joint[i];
         const struct servo_gains *gains = &servo->config.gains[i];
         /* With an outer loop, start from the link's angle; otherwise, from the motor's angle */
         double wanted = gains->trim_per_s > 0 ? joint->joint_rad : joint->motor_rad;
@@ -118,15 +121,15 @@ double servo_reference(const struct servo *servo, size_t axis)
 static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
 {
     const struct servo_gains *gains = &servo->config.gains[axis];
-    double supply = host_configuration(servo->host)->supply_v;
+    double supply = servo->robot->supply_v;
     double limit = gains->limit_v > 0 ? fmin(gains->limit_v, supply) : supply;
     struct loop *loop = &servo->loop[axis];
-    const struct host_joint *joint = host_joint(servo->host, axis);
-    double error = servo_reference(servo, axis) - joint->motor_rad;
+    const struct host_joint *joint = &servo->joint[axis];
+    double error = loop->wanted + loop->trim - joint->motor_rad;
     double deflection = servo_deflection(servo, axis), sway, off;
     /* Use a dead zone of one encoder tick for the link's angle. Otherwise, integrated rounding
      * errors would press two standing legs against each other with an increasing force */
-    double tick = 1 / host_configuration(servo->host)->axis[axis].joint_ticks_per_rad;
+    double tick = 1 / servo->robot->axis[axis].joint_ticks_per_rad;
     double V = gains->kp_v_per_rad * error + gains->ki_v_per_rad_s * loop->integral +
                gains->kd_v_s_per_rad * (loop->rate - loop->motor_rate) +
                gains->kw_v_s_per_rad * loop->rate + loop->load_v + loop->excitation_v;
@@ -160,8 +163,8 @@ void servo_update(struct servo *servo)
         return;
     }
     servo->last_ns = now;
-    for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
-        const struct host_joint *joint = host_joint(servo->host, i);
+    for (size_t i = 0; i < servo->robot->naxis; i++) {
+        const struct host_joint *joint = &servo->joint[i];
         struct loop *loop = &servo->loop[i];
         int64_t span = joint->motor_time_ns - loop->motor_time_ns;
 
@@ -171,7 +174,7 @@ void servo_update(struct servo *servo)
             loop->motor_rad = joint->motor_rad;
             loop->motor_time_ns = joint->motor_time_ns;
         }
-        host_set_reference(servo->host, i, servo_reference(servo, i), servo->loop[i].rate);
+        host_set_reference(servo->host, i, loop->wanted + loop->trim, loop->rate);
         host_set_voltage(servo->host, i, servo_axis_voltage(servo, i, dt));
     }
 }
