@@ -30,13 +30,6 @@ static unsigned axis_index(const struct described_node *node, const struct descr
     return (unsigned)(axis - node->axis);
 }
 
-/* Returns the configuration of an axis. */
-static const struct board_axis_config *axis_config(const struct described_node *node,
-                                                   const struct described_axis *axis)
-{
-    return &node->board.config.axis[axis_index(node, axis)];
-}
-
 /* Returns a setting of an axis. */
 static double axis_setting(const struct described_axis *axis, enum described_meaning setting)
 {
@@ -301,7 +294,7 @@ static bool axis_switch(struct described_node *node, struct described_axis *axis
     wanted = state < 0 ? frame->enter : state;
 
     /* A motor supports all laws. A servo valve supports no law that controls a current */
-    if (axis_config(node, axis)->valve &&
+    if (axis->base.config->valve &&
         ((law >= 0 && !described_law_suits_valve(protocol->law[law].law)) ||
          (wanted >= 0 && !described_law_suits_valve(
                              described_state_law(protocol, wanted, law >= 0 ? law : axis->law))))) {
@@ -495,8 +488,7 @@ static void axis_watch_faults(struct described_node *node, struct described_axis
     if (risen >> DESCRIBED_LIMIT & 1 && described_axis_runs(axis)) {
         int32_t ticks = 0;
 
-        control_quantize(axis->base.link_rad * axis_config(node, axis)->joint_ticks_per_rad,
-                         &ticks);
+        control_quantize(axis->base.link_rad * axis->base.config->joint_ticks_per_rad, &ticks);
         board_event(&node->board, BOARD_EVENT_LIMIT, index, (uint32_t)ticks, 0);
     }
     if (risen & DESCRIBED_FATAL) {
@@ -532,14 +524,14 @@ static double axis_current_law(const struct described_node *node, struct describ
     axis->wanted_a = fmax(fmin(wanted_a, limit), -limit);
     return current_loop_step(&axis->integral_v, axis->kp_v_a, axis->ki_v_as,
                              axis->wanted_a - axis->base.current_a, node->board.boards->supply_v) +
-           axis_config(node, axis)->bemf_v_s_rad * axis->base.velocity_rad_s;
+           axis->base.config->bemf_v_s_rad * axis->base.velocity_rad_s;
 }
 
 /* Returns the voltage of the current loop for a torque target. */
 static double axis_torque_law(const struct described_node *node, struct described_axis *axis,
                               double torque_nm)
 {
-    double constant = axis_config(node, axis)->torque_nm_a;
+    double constant = axis->base.config->torque_nm_a;
 
     return axis_current_law(node, axis, constant > 0.0 ? torque_nm / constant : 0.0);
 }
@@ -548,7 +540,7 @@ static double axis_torque_law(const struct described_node *node, struct describe
 static double axis_velocity_law(const struct described_node *node, struct described_axis *axis,
                                 double wanted_rad_s)
 {
-    const struct board_axis_config *config = axis_config(node, axis);
+    const struct board_axis_config *config = axis->base.config;
     double cap = fmax(axis_target(axis, DESCRIBED_TO_VELOCITY_CAP), 0.0);
     double limit = fmin(axis_setting(axis, DESCRIBED_VELOCITY_LIMIT), cap);
     double most = config->torque_nm_a * config->current_limit_a, error;
@@ -568,10 +560,9 @@ static double axis_velocity_law(const struct described_node *node, struct descri
 
 /* Returns the position error: the target, clamped to the joint's limits, minus the motor
  * position. */
-static double axis_position_error(const struct described_node *node,
-                                  const struct described_axis *axis)
+static double axis_position_error(const struct described_axis *axis)
 {
-    const struct board_axis_config *config = axis_config(node, axis);
+    const struct board_axis_config *config = axis->base.config;
     double wanted = axis_target(axis, DESCRIBED_TO_POSITION) + axis->zero_rad;
 
     return fmax(fmin(wanted, config->upper_rad), config->lower_rad) - axis->base.motor_rad;
@@ -594,13 +585,13 @@ static double axis_law_voltage(const struct described_node *node, struct describ
         return axis_velocity_law(node, axis, axis_target(axis, DESCRIBED_TO_VELOCITY));
     case DESCRIBED_POSITION:
         speed = axis_setting(axis, DESCRIBED_POSITION_SPEED_LIMIT);
-        wanted = axis_setting(axis, DESCRIBED_POSITION_GAIN) * axis_position_error(node, axis) +
+        wanted = axis_setting(axis, DESCRIBED_POSITION_GAIN) * axis_position_error(axis) +
                  axis_target(axis, DESCRIBED_TO_VELOCITY);
         return axis_velocity_law(node, axis, fmax(fmin(wanted, speed), -speed));
     case DESCRIBED_IMPEDANCE:
         return axis_torque_law(
             node, axis,
-            axis_target(axis, DESCRIBED_TO_KP) * axis_position_error(node, axis) +
+            axis_target(axis, DESCRIBED_TO_KP) * axis_position_error(axis) +
                 axis_target(axis, DESCRIBED_TO_KD) *
                     (axis_target(axis, DESCRIBED_TO_VELOCITY) - axis->base.velocity_rad_s) +
                 axis_target(axis, DESCRIBED_TO_TORQUE));
@@ -612,11 +603,11 @@ static double axis_law_voltage(const struct described_node *node, struct describ
 /* ---- control ---- */
 
 /* Zeroes the targets of open laws that would drive the axis further beyond a position limit. */
-static void axis_heed_limits(const struct described_node *node, struct described_axis *axis)
+static void axis_heed_limits(struct described_axis *axis)
 {
     static const enum described_meaning open[] = {DESCRIBED_TO_VOLTAGE, DESCRIBED_TO_DUTY,
                                                   DESCRIBED_TO_CURRENT, DESCRIBED_TO_TORQUE};
-    const struct board_axis_config *config = axis_config(node, axis);
+    const struct board_axis_config *config = axis->base.config;
     bool above = axis->base.link_rad > config->upper_rad,
          below = axis->base.link_rad < config->lower_rad;
 
@@ -646,14 +637,16 @@ static void described_motor_control(struct board *board, struct ms_span span)
             axis_enter(node, axis, node->protocol->off_state, axis->law);
         }
         axis_watch_faults(node, axis);
-        axis_heed_limits(node, axis);
+        axis_heed_limits(axis);
         for (int64_t ms = span.from; ms < span.to; ms++) {
+            const double supply_v = node->board.boards->supply_v;
             double v;
 
             axis->wanted_a = 0.0;
             v = axis_law_voltage(node, axis);
-            axis->base.voltage_v =
-                fmax(fmin(v, node->board.boards->supply_v), -node->board.boards->supply_v);
+            /* Comparisons instead of fmin, which is a call into the library; NaN gives supply_v */
+            v = v < supply_v ? v : supply_v;
+            axis->base.voltage_v = v > -supply_v ? v : -supply_v;
         }
     }
 }

@@ -120,7 +120,7 @@ static const struct described_state *described_reported_state(const struct descr
 
 /* Returns the count of a field that has a factor (described_node_count). noinline: the copy of the
  * field costs other fields a tenth of their count. */
-static __attribute__((noinline)) int64_t
+__attribute__((noinline)) static int64_t
 described_scaled_count(const struct described_node *node, unsigned axis,
                        const struct described_field *field, const struct described_frame *request,
                        const int64_t *values)
@@ -380,16 +380,12 @@ static void described_node_send(struct described_node *node, unsigned axis, size
                                 struct frame_sink *sink)
 {
     struct described_report *report = &node->report[axis][index];
-    struct bus_frame lost, *frame = board_add_frame(&node->board, sink);
+    struct bus_frame lost = {0}, *frame = board_add_frame(&node->board, sink);
 
-    if (!frame) {
-        lost = (struct bus_frame){0};
-        frame = &lost;
-    }
     report->state = node->axis[axis].state;
     report->result = node->axis[axis].result;
     report->faults = node->axis[axis].faults;
-    described_node_fill(node, axis, index, NULL, NULL, frame);
+    described_node_fill(node, axis, index, NULL, NULL, frame ? frame : &lost);
 }
 
 /* Returns whether a frame outside the telemetry is due. It is due when state or faults have changed
