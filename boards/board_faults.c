@@ -146,21 +146,6 @@ static struct board_fault *board_find_hang(const struct board *board)
     return NULL;
 }
 
-/* Sets the bridges of a hung board to their last duty cycles. */
-static void board_hold_bridges(const struct board *board, double supply_v,
-                               struct plant_command *command)
-{
-    for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
-        int joint = board_joint(board, i);
-
-        if (joint >= 0) {
-            struct motor_command *motor = &command->motor[joint];
-
-            motor->voltage_v = motor->bridge_on ? board->faults->duty[i] * supply_v : 0.0;
-        }
-    }
-}
-
 /* Runs one tick of a board with power. Returns true while it hangs. */
 static bool board_step_hang(struct board *board, double supply_v, struct plant_command *command)
 {
@@ -176,7 +161,16 @@ static bool board_step_hang(struct board *board, double supply_v, struct plant_c
         board_enter_bootloader(board, board->config.boot_ns);
     }
     if (faults->hung) {
-        board_hold_bridges(board, supply_v, command);
+        /* Set the bridges of a hung board to their last duty cycles */
+        for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
+            int joint = board_joint(board, i);
+
+            if (joint >= 0) {
+                struct motor_command *motor = &command->motor[joint];
+
+                motor->voltage_v = motor->bridge_on ? board->faults->duty[i] * supply_v : 0.0;
+            }
+        }
     }
     return faults->hung;
 }
@@ -281,20 +275,6 @@ static bool board_fault_disturb_frame(struct board_fault *f, struct bus_frame *f
     }
 }
 
-/* Sends the delayed frames that are due, in order. */
-static void board_fault_release_delayed(struct board_fault *f, struct frame_sink *sink)
-{
-    while (f->count > 0 && sink->count < sink->max &&
-           f->waiting[f->first].time_ns <= sink->time_ns) {
-        struct bus_frame *frame = &sink->frames[sink->count++];
-
-        *frame = f->waiting[f->first];
-        frame->time_ns = sink->time_ns;
-        f->first = (f->first + 1) % DELAYED_MAX;
-        f->count--;
-    }
-}
-
 void board_faults_filter(struct board *board, struct frame_sink *sink, size_t from)
 {
     struct board_faults *faults = board->faults;
@@ -310,7 +290,16 @@ void board_faults_filter(struct board *board, struct frame_sink *sink, size_t fr
         }
         sink->count = kept;
         if (f->fault->kind == FAULT_DELAYED && !board->away) {
-            board_fault_release_delayed(f, sink);
+            /* Send the delayed frames that are due, in order */
+            while (f->count > 0 && sink->count < sink->max &&
+                   f->waiting[f->first].time_ns <= sink->time_ns) {
+                struct bus_frame *frame = &sink->frames[sink->count++];
+
+                *frame = f->waiting[f->first];
+                frame->time_ns = sink->time_ns;
+                f->first = (f->first + 1) % DELAYED_MAX;
+                f->count--;
+            }
         }
     }
 }

@@ -113,19 +113,6 @@ static void delay_copy(const struct boards *boards, double *row, bool back,
     }
 }
 
-/* Ends the boards' control of a tick: stores the voltages that the boards have set, and writes the
- * oldest stored voltages to the bridges. */
-static void voltage_delay_end(struct boards *boards, struct plant_command *command)
-{
-    struct voltage_delay *delay = boards->delay;
-
-    if (delay) {
-        delay->newest = (delay->newest + 1) % delay->rows;
-        delay_copy(boards, delay_row(delay, 0), true, command);
-        delay_copy(boards, delay_row(delay, delay->rows - 1), false, command);
-    }
-}
-
 /* ---- real boards on the same bus ---- */
 
 void boards_external_heard(struct boards *boards, int64_t now_ns, size_t index)
@@ -785,7 +772,16 @@ void boards_control(struct boards *boards, int64_t now_ns, struct plant_command 
             board_shut_down(board, command);
         }
     }
-    voltage_delay_end(boards, command);
+
+    /* Store the voltages that the boards have set, and write the oldest stored voltages to the
+     * bridges */
+    struct voltage_delay *delay = boards->delay;
+
+    if (delay) {
+        delay->newest = (delay->newest + 1) % delay->rows;
+        delay_copy(boards, delay_row(delay, 0), true, command);
+        delay_copy(boards, delay_row(delay, delay->rows - 1), false, command);
+    }
 }
 
 void boards_shut_down(struct boards *boards, int64_t now_ns, struct plant_command *command)

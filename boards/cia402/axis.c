@@ -407,36 +407,6 @@ static void cia402_motor_power_up(struct board *board)
 
 /* ---- sensors ---- */
 
-/* Writes the samples of an axis into its objects. A missing reading keeps the old value. */
-static void cia402_axis_publish(struct cia402_axis *axis)
-{
-    const struct axis *base = &axis->base;
-    double rated_a = fmax((double)axis->rated_current_ma, 1.0) * 1e-3;
-    double rated_nm = fmax((double)axis->rated_torque_mnm, 1.0) * 1e-3;
-    int32_t temperature = (int32_t)axis->temperature_c;
-
-    axis->motor_encoder = cia402_counts(base->motor_rad, CIA402_POSITION_RAD);
-    axis->link_encoder = cia402_counts(base->link_rad, CIA402_POSITION_RAD);
-    axis->deflection = axis->motor_encoder - axis->link_encoder;
-    axis->position = axis->motor_encoder - axis->home;
-    axis->velocity = cia402_counts(base->velocity_rad_s, CIA402_POSITION_RAD);
-    axis->current_ma = cia402_counts(base->current_a, 1e-3);
-    axis->current = cia402_counts(base->current_a / rated_a, 1e-3);
-    axis->torque = base->config->valve ? cia402_counts(base->torque_nm / rated_nm, 1e-3)
-                                       /* torque and current in thousandths of the rated values */
-                                       : axis->current;
-    axis->spring_torque = cia402_counts(base->torque_nm, CIA402_SPRING_NM);
-    control_quantize(base->winding_c, &temperature);
-    axis->temperature_c = temperature;
-    axis->supply_mv = cia402_counts(base->supply_v, 1e-3);
-    axis->valve_opening = cia402_counts(base->valve_opening, 1e-3);
-    for (int side = 0; side < 2; side++) {
-        int64_t counts = cia402_counts(base->pressure_pa[side], CIA402_PRESSURE_BAR * 1e5);
-
-        axis->pressure[side] = control_clamp(counts, 0, UINT16_MAX);
-    }
-}
-
 /* Publishes the samples of all axes (struct board_ops). */
 static void cia402_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
@@ -447,7 +417,33 @@ static void cia402_motor_sample(struct board *board, const struct plant_sensors 
         struct cia402_axis *axis = &node->axis[i];
 
         axis_find_angles(&axis->base);
-        cia402_axis_publish(axis);
+
+        /* Write the samples of an axis into its objects, torque and current in thousandths of the
+         * rated values. A missing reading keeps the old value. */
+        const struct axis *base = &axis->base;
+        double rated_a = fmax((double)axis->rated_current_ma, 1.0) * 1e-3;
+        double rated_nm = fmax((double)axis->rated_torque_mnm, 1.0) * 1e-3;
+        int32_t temperature = (int32_t)axis->temperature_c;
+
+        axis->motor_encoder = cia402_counts(base->motor_rad, CIA402_POSITION_RAD);
+        axis->link_encoder = cia402_counts(base->link_rad, CIA402_POSITION_RAD);
+        axis->deflection = axis->motor_encoder - axis->link_encoder;
+        axis->position = axis->motor_encoder - axis->home;
+        axis->velocity = cia402_counts(base->velocity_rad_s, CIA402_POSITION_RAD);
+        axis->current_ma = cia402_counts(base->current_a, 1e-3);
+        axis->current = cia402_counts(base->current_a / rated_a, 1e-3);
+        axis->torque =
+            base->config->valve ? cia402_counts(base->torque_nm / rated_nm, 1e-3) : axis->current;
+        axis->spring_torque = cia402_counts(base->torque_nm, CIA402_SPRING_NM);
+        control_quantize(base->winding_c, &temperature);
+        axis->temperature_c = temperature;
+        axis->supply_mv = cia402_counts(base->supply_v, 1e-3);
+        axis->valve_opening = cia402_counts(base->valve_opening, 1e-3);
+        for (int side = 0; side < 2; side++) {
+            int64_t counts = cia402_counts(base->pressure_pa[side], CIA402_PRESSURE_BAR * 1e5);
+
+            axis->pressure[side] = control_clamp(counts, 0, UINT16_MAX);
+        }
         cia402_homing_sample(axis, &axis->base.config->switches);
         for (int64_t k = 0; k < axis->base.passed_ms; k++) {
             cia402_axis_count_times(axis);

@@ -339,22 +339,6 @@ static void cia402_pdo_set_drive(struct cia402_node *node, unsigned axis, unsign
     }
 }
 
-/* Sets the TPDOs of a sensor node from its plan (struct cia402_plan). */
-static void cia402_pdo_set_plan(struct cia402_node *node)
-{
-    struct cia402_plan plan;
-
-    for (unsigned row = 0; cia402_plan_row(node->kind, 0, row, &plan); row++) {
-        struct cia402_pdo *pdo = &node->settings.tpdo[row];
-
-        *pdo = (struct cia402_pdo){
-            .cob_id = plan.cob_id + node->board.address, .type = plan.type, .count = plan.count};
-        for (int i = 0; i < plan.count; i++) {
-            pdo->object[i] = plan.object[i];
-        }
-    }
-}
-
 void cia402_pdo_set_factory(struct cia402_node *node)
 {
     for (unsigned i = 0; i < CIA402_PDOS; i++) {
@@ -364,7 +348,19 @@ void cia402_pdo_set_factory(struct cia402_node *node)
         cia402_pdo_set_drive(node, i / CIA402_AXIS_PDOS, i % CIA402_AXIS_PDOS);
     }
     if (node->sensor) {
-        cia402_pdo_set_plan(node);
+        /* Set the TPDOs of a sensor node from its plan (struct cia402_plan) */
+        struct cia402_plan plan;
+
+        for (unsigned row = 0; cia402_plan_row(node->kind, 0, row, &plan); row++) {
+            struct cia402_pdo *pdo = &node->settings.tpdo[row];
+
+            *pdo = (struct cia402_pdo){.cob_id = plan.cob_id + node->board.address,
+                                       .type = plan.type,
+                                       .count = plan.count};
+            for (int i = 0; i < plan.count; i++) {
+                pdo->object[i] = plan.object[i];
+            }
+        }
     }
 }
 
@@ -475,37 +471,6 @@ static bool cia402_pdo_is_due(const struct cia402_node *node, const struct cia40
                               since_ns >= pdo->inhibit_100us * INHIBIT_UNIT_NS);
 }
 
-static void cia402_pdo_transmit(struct cia402_node *node, struct frame_sink *sink)
-{
-    for (unsigned i = 0; i < cia402_pdos(node) && node->state == CIA402_OPERATIONAL; i++) {
-        const struct cia402_pdo *pdo = &node->settings.tpdo[i];
-        struct cia402_channel *channel = &node->tx[i];
-        uint8_t data[PDO_BYTES] = {0}, *to = data;
-
-        if (!cia402_pdo_is_valid(pdo) || pdo->count == 0) {
-            continue;
-        }
-        /* Collect the values of the mapped objects */
-        for (int k = 0; k < pdo->count; k++) {
-            const struct cia402_entry *entry = &channel->entry[k];
-
-            cia402_put(entry->type, *cia402_field(node, entry), to);
-            to += channel->bytes[k];
-        }
-        /* Send them if the TPDO is due or requested */
-        if (cia402_pdo_is_due(node, pdo, channel, memcmp(data, channel->data, PDO_BYTES) != 0) ||
-            channel->requested) {
-            memcpy(channel->data, data, PDO_BYTES);
-            channel->waits = channel->requested = false;
-            channel->syncs = 0;
-            channel->time_ns = node->board.boards->now_ns;
-            board_send(&node->board, sink, (uint32_t)pdo->cob_id & CIA402_COB_MASK, channel->length,
-                       data);
-        }
-    }
-    node->syncs = 0;
-}
-
 /*
  * Network management (CiA 301, 7.2.8): states, boot-up, heartbeat, node guarding.
  *
@@ -544,20 +509,6 @@ static bool cia402_lss_id_is_free(const struct cia402_node *node, unsigned id)
     return !other || other == &node->board;
 }
 
-/* Takes the Node-ID from a node and removes the node from its bus. */
-static void cia402_lss_leave_bus(struct cia402_node *node)
-{
-    struct board **place = &node->board.bus->by_address[node->board.address];
-
-    if (*place == &node->board) {
-        *place = NULL;
-    }
-    if (!node->nameless) {
-        board_event(&node->board, BOARD_EVENT_ADDRESS, 0, node->board.address, CIA402_NO_NODE_ID);
-    }
-    node->nameless = true;
-}
-
 /* Replaces the Node-ID in a COB-ID, if the COB-ID contains the old one. */
 static void cia402_lss_move_cob(int64_t *cob_id, unsigned from, unsigned to)
 {
@@ -586,7 +537,16 @@ static void cia402_lss_take_id(struct cia402_node *node)
     node->lss.selected = node->lss.scanned = 0;
     /* Leave the bus if there is no Node-ID or it is not free; then only LSS works */
     if (to == CIA402_NO_NODE_ID || !cia402_lss_id_is_free(node, to)) {
-        cia402_lss_leave_bus(node);
+        struct board **place = &node->board.bus->by_address[node->board.address];
+
+        if (*place == &node->board) {
+            *place = NULL;
+        }
+        if (!node->nameless) {
+            board_event(&node->board, BOARD_EVENT_ADDRESS, 0, node->board.address,
+                        CIA402_NO_NODE_ID);
+        }
+        node->nameless = true;
         return;
     }
     if (to == from && !node->nameless) {
@@ -716,16 +676,6 @@ enum cia402_abort cia402_nmt_write_consumer(struct cia402_node *node,
     return CIA402_DONE;
 }
 
-static void cia402_nmt_hear(struct cia402_node *node)
-{
-    if ((node->settings.consumer & 0xffff) > 0) {
-        node->consumes = true;
-        node->consumer_lost = false;
-        node->consumer_ns = node->board.boards->now_ns;
-        cia402_emcy_resolve_communication(node);
-    }
-}
-
 /* Reacts to a lost heartbeat or lost guarding: sends an emergency, tells the axes, changes the
  * state. */
 static void cia402_nmt_lose(struct cia402_node *node)
@@ -741,23 +691,6 @@ static void cia402_nmt_lose(struct cia402_node *node)
         cia402_nmt_enter(node, CIA402_STOPPED);
     } else if (behavior == TO_PRE_OPERATIONAL && node->state == CIA402_OPERATIONAL) {
         cia402_nmt_enter(node, CIA402_PRE_OPERATIONAL);
-    }
-}
-
-static void cia402_nmt_watch(struct cia402_node *node)
-{
-    const struct cia402_communication *settings = &node->settings;
-    int64_t now_ns = node->board.boards->now_ns;
-    int64_t life_ns = settings->guard_ms * settings->life_factor * MS;
-    int64_t heartbeat_ns = (settings->consumer & 0xffff) * MS;
-
-    if (node->consumes && !node->consumer_lost && now_ns - node->consumer_ns > heartbeat_ns) {
-        node->consumer_lost = true;
-        cia402_nmt_lose(node);
-    }
-    if (node->guarded && !node->guard_lost && life_ns > 0 && now_ns - node->guard_ns > life_ns) {
-        node->guard_lost = true;
-        cia402_nmt_lose(node);
     }
 }
 
@@ -828,22 +761,6 @@ static void cia402_lss_switch(struct cia402_node *node, const uint8_t *data)
     }
 }
 
-/* Compares one part of the LSS address; the master sends the four parts in order. Selects the node
- * when all have matched. */
-static void cia402_lss_select(struct cia402_node *node, const uint8_t *data)
-{
-    unsigned part = data[0] - CIA402_LSS_SELECT_VENDOR;
-    bool fits = (part == 0 || part == node->lss.selected) &&
-                get_u32_le(data + 1) == (uint32_t)node->identity[part];
-
-    node->lss.selected = (uint8_t)(fits ? part + 1 : 0);
-    if (node->lss.selected == ADDRESS_PARTS) {
-        node->lss.selected = 0;
-        node->lss.configuring = true;
-        cia402_lss_answer(node, CIA402_LSS_SELECTED, 0);
-    }
-}
-
 /* Runs a step of fastscan: answers if the bits of an address part match. The master finds the
  * address bit by bit, highest bit first, from these answers. */
 static void cia402_lss_scan(struct cia402_node *node, const uint8_t *data)
@@ -907,7 +824,18 @@ static bool cia402_lss_receive(struct cia402_node *node, const uint8_t *data)
     default:
         if (command >= CIA402_LSS_SELECT_VENDOR && command <= CIA402_LSS_SELECT_SERIAL) {
             if (!configuring) {
-                cia402_lss_select(node, data);
+                /* Compare one part of the LSS address; the master sends the four parts in order.
+                 * Select the node when all have matched. */
+                unsigned part = data[0] - CIA402_LSS_SELECT_VENDOR;
+                bool fits = (part == 0 || part == node->lss.selected) &&
+                            get_u32_le(data + 1) == (uint32_t)node->identity[part];
+
+                node->lss.selected = (uint8_t)(fits ? part + 1 : 0);
+                if (node->lss.selected == ADDRESS_PARTS) {
+                    node->lss.selected = 0;
+                    node->lss.configuring = true;
+                    cia402_lss_answer(node, CIA402_LSS_SELECTED, 0);
+                }
             }
             return true;
         }
@@ -942,20 +870,6 @@ static void cia402_node_store(struct cia402_node *node)
     }
 }
 
-/* Loads the last stored values. */
-static void cia402_node_load(struct cia402_node *node)
-{
-    node->settings = node->saved;
-    memcpy(node->note, node->saved_note, sizeof node->note);
-    node->data = node->saved_data;
-    for (unsigned k = 0; k < node->axes; k++) {
-        node->axis[k].settings = node->axis[k].saved;
-    }
-    if (node->sensor) {
-        memcpy(node->sensor->tare, node->sensor->saved_tare, sizeof node->sensor->tare);
-    }
-}
-
 bool cia402_node_power_up(struct cia402_node *node)
 {
     bool first = !node->powered;
@@ -966,7 +880,17 @@ bool cia402_node_power_up(struct cia402_node *node)
         node->powered = true;
         node->restore = false;
     }
-    cia402_node_load(node);
+
+    /* Load the last stored values */
+    node->settings = node->saved;
+    memcpy(node->note, node->saved_note, sizeof node->note);
+    node->data = node->saved_data;
+    for (unsigned k = 0; k < node->axes; k++) {
+        node->axis[k].settings = node->axis[k].saved;
+    }
+    if (node->sensor) {
+        memcpy(node->sensor->tare, node->sensor->saved_tare, sizeof node->sensor->tare);
+    }
     node->lss.stored = first ? node->board.address : node->lss.stored;
     node->lss.next = node->lss.stored;
     node->error_register = 0;
@@ -1007,7 +931,20 @@ enum cia402_abort cia402_node_write_restore(struct cia402_node *node,
 void cia402_node_step(struct cia402_node *node, struct ms_span span)
 {
     if (!node->nameless) {
-        cia402_nmt_watch(node);
+        const struct cia402_communication *settings = &node->settings;
+        int64_t now_ns = node->board.boards->now_ns;
+        int64_t life_ns = settings->guard_ms * settings->life_factor * MS;
+        int64_t heartbeat_ns = (settings->consumer & 0xffff) * MS;
+
+        if (node->consumes && !node->consumer_lost && now_ns - node->consumer_ns > heartbeat_ns) {
+            node->consumer_lost = true;
+            cia402_nmt_lose(node);
+        }
+        if (node->guarded && !node->guard_lost && life_ns > 0 &&
+            now_ns - node->guard_ns > life_ns) {
+            node->guard_lost = true;
+            cia402_nmt_lose(node);
+        }
         cia402_block_step(node, span);
     }
 }
@@ -1020,7 +957,35 @@ void cia402_node_transmit(struct board *board, struct ms_span span, struct frame
     if (!node->nameless) {
         cia402_nmt_transmit(node, sink);
         cia402_emcy_transmit(node, sink);
-        cia402_pdo_transmit(node, sink);
+
+        /* Send the TPDOs that are due or requested */
+        for (unsigned i = 0; i < cia402_pdos(node) && node->state == CIA402_OPERATIONAL; i++) {
+            const struct cia402_pdo *pdo = &node->settings.tpdo[i];
+            struct cia402_channel *channel = &node->tx[i];
+            uint8_t data[PDO_BYTES] = {0}, *to = data;
+
+            if (!cia402_pdo_is_valid(pdo) || pdo->count == 0) {
+                continue;
+            }
+            /* Collect the values of the mapped objects */
+            for (int k = 0; k < pdo->count; k++) {
+                const struct cia402_entry *entry = &channel->entry[k];
+
+                cia402_put(entry->type, *cia402_field(node, entry), to);
+                to += channel->bytes[k];
+            }
+            if (cia402_pdo_is_due(node, pdo, channel,
+                                  memcmp(data, channel->data, PDO_BYTES) != 0) ||
+                channel->requested) {
+                memcpy(channel->data, data, PDO_BYTES);
+                channel->waits = channel->requested = false;
+                channel->syncs = 0;
+                channel->time_ns = node->board.boards->now_ns;
+                board_send(&node->board, sink, (uint32_t)pdo->cob_id & CIA402_COB_MASK,
+                           channel->length, data);
+            }
+        }
+        node->syncs = 0;
     }
     board->lost_in_status = board->lost_in_overflow = false;
 }
@@ -1064,24 +1029,6 @@ static void cia402_bus_receive_nmt(struct boards *boards, struct board_bus *bus,
         }
     }
     boards_count_frame(boards, listener, verdict, frame);
-}
-
-/* Passes a request to the SDO server of a node, and counts the frame by the result. */
-static void cia402_bus_receive_sdo(struct boards *boards, struct cia402_node *node,
-                                   const struct bus_frame *frame)
-{
-    enum board_verdict verdict = BOARD_MALFORMED;
-
-    if (frame->len == CIA402_SDO_LENGTH) {
-        enum cia402_abort reason = cia402_sdo_receive(node, frame->data);
-
-        verdict = reason == CIA402_DONE ? BOARD_OBEYED
-                  : reason == CIA402_ABORT_NO_OBJECT || reason == CIA402_ABORT_NO_SUB_INDEX ||
-                          reason == CIA402_ABORT_COMMAND
-                      ? BOARD_UNKNOWN
-                      : BOARD_MALFORMED;
-    }
-    boards_count_frame(boards, &node->board, verdict, frame);
 }
 
 /* Passes an LSS request to all nodes, including those without a Node-ID. */
@@ -1130,8 +1077,11 @@ static bool cia402_bus_offer(struct boards *boards, struct board_bus *bus,
             used = cia402_pdo_request(node, frame->id);
         } else if (heartbeat) {
             used = node->settings.consumer >> 16 == producer;
-            if (used) {
-                cia402_nmt_hear(node);
+            if (used && (node->settings.consumer & 0xffff) > 0) {
+                node->consumes = true;
+                node->consumer_lost = false;
+                node->consumer_ns = node->board.boards->now_ns;
+                cia402_emcy_resolve_communication(node);
             }
         } else if (node->state == CIA402_STOPPED) {
             used = false;
@@ -1183,7 +1133,19 @@ static bool cia402_bus_dispatch(struct boards *boards, struct board_bus *bus,
             bool serves = node && node->state != CIA402_STOPPED;
 
             if (serves) {
-                cia402_bus_receive_sdo(boards, node, frame);
+                enum board_verdict verdict = BOARD_MALFORMED;
+
+                if (frame->len == CIA402_SDO_LENGTH) {
+                    enum cia402_abort reason = cia402_sdo_receive(node, frame->data);
+
+                    verdict = reason == CIA402_DONE ? BOARD_OBEYED
+                              : reason == CIA402_ABORT_NO_OBJECT ||
+                                      reason == CIA402_ABORT_NO_SUB_INDEX ||
+                                      reason == CIA402_ABORT_COMMAND
+                                  ? BOARD_UNKNOWN
+                                  : BOARD_MALFORMED;
+                }
+                boards_count_frame(boards, &node->board, verdict, frame);
             }
             return serves;
         }

@@ -534,28 +534,42 @@ void cia402_put(enum cia402_type type, int64_t value, uint8_t *data)
 
 /* ---- factory values ---- */
 
-/* Sets the objects of a row to their initial values, for one axis or PDO. */
-static void cia402_set_initial(struct cia402_node *node, const struct cia402_object *object,
-                               unsigned unit)
+void cia402_set_factory(struct cia402_node *node)
 {
-    for (unsigned sub = object->sub; sub < cia402_row_end(node, object); sub++) {
-        const struct cia402_entry entry = {object, (uint8_t)sub, (uint8_t)unit, 0, object->type};
-        int64_t plus = object->access & CIA402_PLUS_NODE ? node->board.address : 0;
+    /* Set the initial values of the table */
+    for (size_t i = 0; i < cia402_object_count; i++) {
+        const struct cia402_object *object = &cia402_objects[i];
+        unsigned units = object->scope == CIA402_OF_AXIS ? node->axes
+                         : object->scope == CIA402_OF_RPDO || object->scope == CIA402_OF_TPDO
+                             ? CIA402_PDOS
+                             : cia402_node_has(node, object);
 
-        if (object->type == CIA402_TEXT) {
-            memset(cia402_place(node, &entry), 0, CIA402_TEXT_MAX + 1);
-        } else if (object->type == CIA402_DOMAIN) {
-            memset(cia402_place(node, &entry), 0, sizeof(struct cia402_domain));
-        } else {
-            *cia402_field(node, &entry) = control_clamp(
-                object->initial + plus, cia402_lowest(object), cia402_most(node, &entry));
+        for (unsigned unit = 0; unit < units; unit++) {
+            for (unsigned sub = object->sub; sub < cia402_row_end(node, object); sub++) {
+                const struct cia402_entry entry = {object, (uint8_t)sub, (uint8_t)unit, 0,
+                                                   object->type};
+                int64_t plus = object->access & CIA402_PLUS_NODE ? node->board.address : 0;
+
+                if (object->type == CIA402_TEXT) {
+                    memset(cia402_place(node, &entry), 0, CIA402_TEXT_MAX + 1);
+                } else if (object->type == CIA402_DOMAIN) {
+                    memset(cia402_place(node, &entry), 0, sizeof(struct cia402_domain));
+                } else {
+                    *cia402_field(node, &entry) = control_clamp(
+                        object->initial + plus, cia402_lowest(object), cia402_most(node, &entry));
+                }
+            }
         }
     }
-}
+    /* Set the values of the board's configuration */
+    for (unsigned k = 0; k < node->axes; k++) {
+        cia402_axis_set_factory(&node->axis[k], &node->board.config.axis[k], &node->board.config);
+    }
+    if (node->sensor) {
+        node->sensor->channels = node->kind == CIA402_KIND_FT ? 6 : CIA402_SENSOR_CHANNELS;
+    }
 
-/* Sets the identity of a node: vendor, product, revision and serial number. */
-static void cia402_set_identity(struct cia402_node *node)
-{
+    /* Set the identity of the node: vendor, product, revision and serial number */
     static const char *const kinds[] = {"drive", "force-torque sensor", "inertial sensor"};
     const struct board_identity *identity = &node->board.ops->identity;
 
@@ -570,30 +584,6 @@ static void cia402_set_identity(struct cia402_node *node)
     snprintf(node->hardware, sizeof node->hardware, "simulated");
     snprintf(node->software, sizeof node->software, "%d.%d.%d", identity->major, identity->minor,
              identity->build);
-}
-
-void cia402_set_factory(struct cia402_node *node)
-{
-    /* Set the initial values of the table */
-    for (size_t i = 0; i < cia402_object_count; i++) {
-        const struct cia402_object *object = &cia402_objects[i];
-        unsigned units = object->scope == CIA402_OF_AXIS ? node->axes
-                         : object->scope == CIA402_OF_RPDO || object->scope == CIA402_OF_TPDO
-                             ? CIA402_PDOS
-                             : cia402_node_has(node, object);
-
-        for (unsigned unit = 0; unit < units; unit++) {
-            cia402_set_initial(node, object, unit);
-        }
-    }
-    /* Set the values of the board's configuration */
-    for (unsigned k = 0; k < node->axes; k++) {
-        cia402_axis_set_factory(&node->axis[k], &node->board.config.axis[k], &node->board.config);
-    }
-    if (node->sensor) {
-        node->sensor->channels = node->kind == CIA402_KIND_FT ? 6 : CIA402_SENSOR_CHANNELS;
-    }
-    cia402_set_identity(node);
     cia402_pdo_set_factory(node);
 }
 
@@ -783,9 +773,24 @@ static void eds_put_list(const struct cia402_node *node, const char *name, enum 
     putc('\n', out);
 }
 
-/* Writes the sections before the objects: file, device, dummies, comments. */
-static void eds_put_head(const struct cia402_node *node, const char *name, FILE *out)
+enum error_code cia402_eds_write(const struct board_config *board, const char *name,
+                                 struct arena *arena, FILE *out, struct error *error)
 {
+    struct board *made = cia402_make_board(board, arena);
+    struct cia402_node *node;
+
+    if (!made) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the EDS file");
+    }
+
+    /* Create a node with factory values that is on no bus */
+    node = cia402_node_of(made);
+    made->config = *board;
+    made->address = board->address;
+    node->axes = board_config_axes(board);
+    cia402_set_factory(node);
+
+    /* Write the sections before the objects: file, device, dummies, comments */
     static const int rates[] = {10, 20, 50, 125, 250, 500, 800, 1000};
 
     fprintf(out,
@@ -813,25 +818,6 @@ static void eds_put_head(const struct cia402_node *node, const char *name, FILE 
     }
     fputs("\n[Comments]\nLines=1\nLine1=Positions in 10 urad of the joint, voltages in 2 mV.\n\n",
           out);
-}
-
-enum error_code cia402_eds_write(const struct board_config *board, const char *name,
-                                 struct arena *arena, FILE *out, struct error *error)
-{
-    struct board *made = cia402_make_board(board, arena);
-    struct cia402_node *node;
-
-    if (!made) {
-        return error_set(error, ERROR_MEMORY, "no memory left for the EDS file");
-    }
-
-    /* Create a node with factory values that is on no bus */
-    node = cia402_node_of(made);
-    made->config = *board;
-    made->address = board->address;
-    node->axes = board_config_axes(board);
-    cia402_set_factory(node);
-    eds_put_head(node, name, out);
     eds_put_list(node, "MandatoryObjects", MANDATORY, out);
     eds_put_list(node, "OptionalObjects", OPTIONAL, out);
     eds_put_list(node, "ManufacturerObjects", MANUFACTURER, out);

@@ -359,29 +359,6 @@ static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis
     }
 }
 
-/* Checks the winding temperature. A running axis stops above its limit. */
-static void motor_axis_watch_temperature(struct board *board, struct motor_axis *axis)
-{
-    int64_t limit = axis->parameter[ICUB_P_TEMPERATURE_LIMIT];
-    bool hot = !axis->thermometer_bad && limit > 0 && axis->temperature > limit;
-    uint8_t before = axis->heat;
-
-    axis->heat = (uint8_t)((hot ? ICUB_BOARD_OVER_TEMPERATURE_0 : 0) |
-                           (axis->thermometer_bad ? ICUB_BOARD_TEMPERATURE_ERROR_0 : 0));
-    if (axis->heat != before) {
-        motor_board_of(board)->status_due = true;
-    }
-    if (hot && !(before & ICUB_BOARD_OVER_TEMPERATURE_0)) {
-        board->boards->counters.trips++;
-        board_event(board, BOARD_EVENT_OVER_HEATED, motor_axis_index(board, axis),
-                    (uint32_t)axis->temperature, 0);
-        motor_board_print(board, "OVERHEATING");
-    }
-    if (hot && motor_runs(axis->base.mode)) {
-        motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
-    }
-}
-
 /* Returns the state of the CAN controller in the format of STATUS byte 4. */
 uint8_t motor_board_can_status(const struct board *board)
 {
@@ -482,7 +459,26 @@ void motor_board_watch(struct board *board)
         struct motor_axis *axis = &motor->axis[i];
 
         motor_axis_watch_faults(board, axis);
-        motor_axis_watch_temperature(board, axis);
+
+        /* Check the winding temperature. A running axis stops above its limit. */
+        int64_t limit = axis->parameter[ICUB_P_TEMPERATURE_LIMIT];
+        bool hot = !axis->thermometer_bad && limit > 0 && axis->temperature > limit;
+        uint8_t before = axis->heat;
+
+        axis->heat = (uint8_t)((hot ? ICUB_BOARD_OVER_TEMPERATURE_0 : 0) |
+                               (axis->thermometer_bad ? ICUB_BOARD_TEMPERATURE_ERROR_0 : 0));
+        if (axis->heat != before) {
+            motor_board_of(board)->status_due = true;
+        }
+        if (hot && !(before & ICUB_BOARD_OVER_TEMPERATURE_0)) {
+            board->boards->counters.trips++;
+            board_event(board, BOARD_EVENT_OVER_HEATED, motor_axis_index(board, axis),
+                        (uint32_t)axis->temperature, 0);
+            motor_board_print(board, "OVERHEATING");
+        }
+        if (hot && motor_runs(axis->base.mode)) {
+            motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
+        }
         /* At the end of a calibration, set the offset so that the calibrated position reads 0 */
         if (axis->base.mode == ICUB_MODE_CALIBRATION &&
             board->boards->now_ns >= axis->calibrated_ns) {

@@ -40,24 +40,6 @@ void ahrs_align(struct ahrs *ahrs, const double accel_m_s2[3], const double magn
     }
 }
 
-/* Computes the corrections of the rate, before multiplication by their gains. The first correction
- * rotates the estimated vertical towards the specific force, about horizontal axes. The second
- * rotates the estimated field towards magnetic north, about the vertical. */
-static void ahrs_find_errors(const double R[9], const double accel_m_s2[3],
-                             const double magnetic_t[3], double tilt[3], double heading[3])
-{
-    const double *up = R + 6;
-    double force = vec3_norm(accel_m_s2), field[3], level;
-
-    vec3_cross(accel_m_s2, up, tilt);
-    mat3_apply(R, magnetic_t, field);
-    level = sqrt(field[0] * field[0] + field[1] * field[1]);
-    for (int k = 0; k < 3; k++) {
-        tilt[k] = force > 0.0 ? tilt[k] / force : 0.0;
-        heading[k] = level > 0.0 ? -field[1] / level * up[k] : 0.0;
-    }
-}
-
 /* Rotates a unit quaternion by a rotation vector in its own frame. */
 static void ahrs_turn(double q[4], const double turn[3])
 {
@@ -86,7 +68,20 @@ void ahrs_update(struct ahrs *ahrs, const struct ahrs_config *config, const doub
     double R[9], tilt[3], heading[3], turn[3], sum = 0.0;
 
     mat3_from_quaternion(ahrs->quaternion, R);
-    ahrs_find_errors(R, accel_m_s2, magnetic_t, tilt, heading);
+
+    /* Compute the corrections of the rate, before multiplication by their gains. The first
+     * correction rotates the estimated vertical towards the specific force, about horizontal axes.
+     * The second rotates the estimated field towards magnetic north, about the vertical. */
+    const double *up = R + 6;
+    double force = vec3_norm(accel_m_s2), field[3], level;
+
+    vec3_cross(accel_m_s2, up, tilt);
+    mat3_apply(R, magnetic_t, field);
+    level = sqrt(field[0] * field[0] + field[1] * field[1]);
+    for (int k = 0; k < 3; k++) {
+        tilt[k] = force > 0.0 ? tilt[k] / force : 0.0;
+        heading[k] = level > 0.0 ? -field[1] / level * up[k] : 0.0;
+    }
     for (int k = 0; k < 3; k++) {
         /* Average the rates at both ends of the step */
         double rate = 0.5 * (gyro_rad_s[k] + ahrs->rate_rad_s[k]) - ahrs->bias_rad_s[k];

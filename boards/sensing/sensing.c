@@ -169,15 +169,6 @@ static enum error_code sensor_error_check(const struct sensor_error *e, const ch
                : ERROR_NONE;
 }
 
-/* Returns whether a sensor has no error. */
-static bool sensor_error_is_ideal(const struct sensor_error *e)
-{
-    return e->gain_error == 0.0 && e->offset == 0.0 && e->noise_rms == 0.0 &&
-           e->drift_per_sqrt_s == 0.0 && e->ramp_per_s == 0.0 && e->full_scale == 0.0 &&
-           e->lsb == 0.0 && e->latency_ns == 0 && e->bandwidth_hz == 0.0 && e->hysteresis == 0.0 &&
-           e->instability_rms == 0.0 && e->offset_per_k == 0.0 && e->gain_per_k == 0.0;
-}
-
 /* Returns the random stream for one error of a sensor, a channel or a clock. */
 static struct random_stream sensing_stream(const struct sensing *s, const char *error,
                                            const char *name)
@@ -214,7 +205,12 @@ static enum error_code sensing_make_channel(struct sensing *s, size_t index, con
      * sample */
     channel->clocked =
         device->clock && !(s->config.imu.ahrs.on && index >= sensing_imu_channel(s, 9));
-    channel->ideal = sensor_error_is_ideal(from) && !channel->clocked;
+    channel->ideal = from->gain_error == 0.0 && from->offset == 0.0 && from->noise_rms == 0.0 &&
+                     from->drift_per_sqrt_s == 0.0 && from->ramp_per_s == 0.0 &&
+                     from->full_scale == 0.0 && from->lsb == 0.0 && from->latency_ns == 0 &&
+                     from->bandwidth_hz == 0.0 && from->hysteresis == 0.0 &&
+                     from->instability_rms == 0.0 && from->offset_per_k == 0.0 &&
+                     from->gain_per_k == 0.0 && !channel->clocked;
     s->ideal = s->ideal && channel->ideal;
     channel->noise = sensing_stream(s, "noise", full_name);
     channel->walk = sensing_stream(s, "drift", full_name);
