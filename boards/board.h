@@ -118,6 +118,7 @@ struct board_axis_config {
      * link-side rad/s. winding_ohm 0 = not tuned: the gains are 0 until the host sets them */
     double winding_ohm, winding_h, bemf_v_s_rad;
     double torque_nm_a; /* described: link-side torque per ampere */
+    double rotor_kg_m2; /* described: inertia of the rotor on the link side; 0 = unknown */
     /* described: what the drive reports of its current and its torque; 0 = 1 */
     double current_factor, torque_factor;
     double torque_offset_nm;

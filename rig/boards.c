@@ -220,6 +220,7 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
                                                joint->lower, joint->upper)
                     : joint->sea.Kw;
     axis->torque_nm_a = joint->sea.Kt;
+    axis->rotor_kg_m2 = joint->sea.J;
     return ERROR_NONE;
 }
 

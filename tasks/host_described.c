@@ -43,12 +43,32 @@ struct described_letter {
     int64_t period_ns;
 };
 
-/* Returns the file's value for the field with this meaning; 0 if the frame has no such field. */
-static double host_value_of(const struct described_frame *row, enum described_meaning meaning)
-{
-    int field = described_find_field(row, meaning);
+/* Stiffness of an axis per damping, 1/s, for drives whose damping is that of their winding. */
+#define GAIN_PER_S 20.0
 
-    return field < 0 ? 0.0 : row->field[field].host;
+/* Returns kp or kd for an axis; 0 if the frame has no such field. It is the file's value, at most
+ * the end of the field's range. A light rotor behind a small winding does not bear the gains of a
+ * large drive at the period of the bus. So kd is at most the damping of the shorted winding,
+ * Kt Kw / R, and kp is at most GAIN_PER_S times that. */
+static double described_gain(const struct host *host, const struct described_protocol *protocol,
+                             size_t axis, const struct described_frame *row,
+                             enum described_meaning meaning)
+{
+    const struct host_drive *drive = &host->config.axis[axis].drive;
+    int index = described_find_field(row, meaning);
+    struct described_field field;
+    double most, damping;
+
+    if (index < 0) {
+        return 0.0;
+    }
+    field = described_model_field(protocol, host->config.axis[axis].model, &row->field[index]);
+    most = field.real ? HUGE_VAL : field.offset + field.scale * (double)field.high;
+    damping = drive->winding_ohm > 0.0
+                  ? drive->torque_nm_a * drive->bemf_v_s_rad / drive->winding_ohm
+                  : HUGE_VAL;
+    return fmin(fmin(field.host, most),
+                meaning == DESCRIBED_TO_KP ? GAIN_PER_S * damping : damping);
 }
 
 /* Returns the reference of a motor, rad; before the first reference, the motor's present angle. */
@@ -69,10 +89,12 @@ static double described_wanted_a(const struct host *host, size_t axis)
 
 /* Returns the torque of this current (N m), minus the torque that the board adds for the frame's kp
  * and kd. */
-static double described_wanted_nm(const struct host *host, size_t axis,
+static double described_wanted_nm(const struct host *host,
+                                  const struct described_protocol *protocol, size_t axis,
                                   const struct described_frame *row)
 {
-    double kp = host_value_of(row, DESCRIBED_TO_KP), kd = host_value_of(row, DESCRIBED_TO_KD);
+    double kp = described_gain(host, protocol, axis, row, DESCRIBED_TO_KP);
+    double kd = described_gain(host, protocol, axis, row, DESCRIBED_TO_KD);
 
     return host->config.axis[axis].drive.torque_nm_a * described_wanted_a(host, axis) -
            kp * (described_wanted_rad(host, axis) - host->joint[axis].motor_rad) -
@@ -97,7 +119,10 @@ static double described_target(const struct host *host, const struct described_p
     case DESCRIBED_TO_TORQUE:
         return law == DESCRIBED_POSITION || law == DESCRIBED_VELOCITY
                    ? otherwise
-                   : described_wanted_nm(host, axis, row);
+                   : described_wanted_nm(host, protocol, axis, row);
+    case DESCRIBED_TO_KP:
+    case DESCRIBED_TO_KD:
+        return described_gain(host, protocol, axis, row, meaning);
     case DESCRIBED_TO_VELOCITY:
         return host->want[axis].rad_s;
     case DESCRIBED_TO_POSITION:

@@ -536,6 +536,20 @@ static double axis_torque_law(const struct described_node *node, struct describe
     return axis_current_law(node, axis, constant > 0.0 ? torque_nm / constant : 0.0);
 }
 
+/* Integral gain of a velocity loop per proportional gain, 1/s, at most. */
+#define INTEGRAL_PER_S 4.0
+
+/* Returns a gain of torque per speed that a loop bears on the axis's rotor. Real drives sample at
+ * 20 kHz; with a sample per tick, a larger gain overshoots a light rotor. */
+static double axis_bearable_gain(const struct described_node *node,
+                                 const struct described_axis *axis, double nm_s_rad)
+{
+    const double tick_s = fmax((double)node->board.boards->tick_ns * 1e-9, 1e-3);
+    const double most = 0.5 * axis->base.config->rotor_kg_m2 / tick_s;
+
+    return most > 0.0 ? fmin(nm_s_rad, most) : nm_s_rad;
+}
+
 /* Returns the voltage of the velocity loop. For a valve it is proportional to the speed. */
 static double axis_velocity_law(const struct described_node *node, struct described_axis *axis,
                                 double wanted_rad_s)
@@ -543,7 +557,7 @@ static double axis_velocity_law(const struct described_node *node, struct descri
     const struct board_axis_config *config = axis->base.config;
     double cap = fmax(axis_target(axis, DESCRIBED_TO_VELOCITY_CAP), 0.0);
     double limit = fmin(axis_setting(axis, DESCRIBED_VELOCITY_LIMIT), cap);
-    double most = config->torque_nm_a * config->current_limit_a, error;
+    double most = config->torque_nm_a * config->current_limit_a, error, gain;
 
     wanted_rad_s = fmax(fmin(wanted_rad_s, limit), -limit);
     error = wanted_rad_s - axis->base.velocity_rad_s;
@@ -551,26 +565,24 @@ static double axis_velocity_law(const struct described_node *node, struct descri
     if (config->valve) {
         return config->bemf_v_s_rad * wanted_rad_s;
     }
-    axis->integral_nm += axis_setting(axis, DESCRIBED_INTEGRAL_GAIN) * error * 1e-3;
+    gain = axis_bearable_gain(node, axis, axis_setting(axis, DESCRIBED_VELOCITY_GAIN));
+    axis->integral_nm +=
+        fmin(axis_setting(axis, DESCRIBED_INTEGRAL_GAIN), INTEGRAL_PER_S * gain) * error * 1e-3;
     axis->integral_nm = fmax(fmin(axis->integral_nm, most), -most);
-    return axis_torque_law(node, axis,
-                           axis_setting(axis, DESCRIBED_VELOCITY_GAIN) * error + axis->integral_nm +
-                               axis_target(axis, DESCRIBED_TO_TORQUE));
+    return axis_torque_law(
+        node, axis, gain * error + axis->integral_nm + axis_target(axis, DESCRIBED_TO_TORQUE));
 }
 
-/* Returns the position error: the target, clamped to the joint's limits, minus the motor
- * position. */
-static double axis_position_error(const struct described_axis *axis)
+/* Returns the position target of an axis on the joint's scale. */
+static double axis_position_target(const struct described_axis *axis)
 {
-    const struct board_axis_config *config = axis->base.config;
-    double wanted = axis_target(axis, DESCRIBED_TO_POSITION) + axis->zero_rad;
-
-    return fmax(fmin(wanted, config->upper_rad), config->lower_rad) - axis->base.motor_rad;
+    return axis_target(axis, DESCRIBED_TO_POSITION) + axis->zero_rad;
 }
 
 /* Returns the voltage of the law in force. */
 static double axis_law_voltage(const struct described_node *node, struct described_axis *axis)
 {
+    const struct board_axis_config *config = axis->base.config;
     double speed, wanted;
 
     switch (axis->active) {
@@ -584,15 +596,21 @@ static double axis_law_voltage(const struct described_node *node, struct describ
     case DESCRIBED_VELOCITY:
         return axis_velocity_law(node, axis, axis_target(axis, DESCRIBED_TO_VELOCITY));
     case DESCRIBED_POSITION:
+        /* The loop stays within the joint's limits */
         speed = axis_setting(axis, DESCRIBED_POSITION_SPEED_LIMIT);
-        wanted = axis_setting(axis, DESCRIBED_POSITION_GAIN) * axis_position_error(axis) +
+        wanted = fmax(fmin(axis_position_target(axis), config->upper_rad), config->lower_rad);
+        wanted = axis_setting(axis, DESCRIBED_POSITION_GAIN) * (wanted - axis->base.motor_rad) +
                  axis_target(axis, DESCRIBED_TO_VELOCITY);
         return axis_velocity_law(node, axis, fmax(fmin(wanted, speed), -speed));
     case DESCRIBED_IMPEDANCE:
+        /* A spring to any angle, as real drives have it: they do not know the joint's limits. With
+         * the target at the limit, a host that adds the rest of the spring's torque would drive the
+         * axis away */
         return axis_torque_law(
             node, axis,
-            axis_target(axis, DESCRIBED_TO_KP) * axis_position_error(axis) +
-                axis_target(axis, DESCRIBED_TO_KD) *
+            axis_target(axis, DESCRIBED_TO_KP) *
+                    (axis_position_target(axis) - axis->base.motor_rad) +
+                axis_bearable_gain(node, axis, axis_target(axis, DESCRIBED_TO_KD)) *
                     (axis_target(axis, DESCRIBED_TO_VELOCITY) - axis->base.velocity_rad_s) +
                 axis_target(axis, DESCRIBED_TO_TORQUE));
     default:

@@ -196,6 +196,37 @@ TEST(a_cheetah_drive_has_the_impedance_of_its_command)
     close_bench();
 }
 
+/* The loop is at rest where the current makes the torque: of a spring to 3 rad, beyond the joint's
+ * 2.5, in counts 40632 and 82 (10.01 Nm/rad); of a damper of 12.0 Nm s/rad (983) at 13.96 rad/s
+ * (3000), of which a rotor of 0.002 kg m2 bears 0.5 x 0.002 kg m2 / 1 ms = 1 Nm s/rad. */
+TEST(a_spring_ignores_the_joint_limits_and_a_damper_the_rotor_cannot_follow)
+{
+    static const struct {
+        const char *command;
+        double rotor_kg_m2, torque_nm;
+    } rows[] = {
+        {"9e b8 80 00 52 00 08 00", 0.0,
+         82 * 500.0 / 4095 * (40632 * 25.0 / 65535 - 13.0) + 0.0366},
+        {"85 1e bb 80 00 3d 78 00", 0.0, 983 * 50.0 / 4095 * (3000 * 60.0 / 4095 - 30.0) + 0.0366},
+        {"85 1e bb 80 00 3d 78 00", 0.002, 3000 * 60.0 / 4095 - 30.0 + 0.0366},
+    };
+
+    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
+        open_bench(cheetah, 0);
+        bench_stop(base);
+        base->board[0].axis[0].rotor_kg_m2 = rows[i].rotor_kg_m2;
+        base->board[0].axis[0].current_limit_a = 100.0;
+        bench_start(base);
+        base->sense[0].current_a = rows[i].torque_nm / TORQUE_NM_A;
+        bench_tick(base);
+        bench_send(base, 0, 1, "ff ff ff ff ff ff ff fc");
+        bench_send(base, 0, 1, rows[i].command);
+        bench_tick(base);
+        assert_near(base->motor[0].voltage_v, 0.0, 1e-3);
+        close_bench();
+    }
+}
+
 /* Counts of the firmware's ranges: 2 A of 4.1 Nm/A in 36 Nm, 24 V in 40. */
 TEST(the_present_firmware_tells_its_bus_voltage)
 {
