@@ -1047,6 +1047,89 @@ TEST(a_damiao_drive_obeys_its_mode_and_tells_its_faults)
     play(damiao, exchange, ARRAY_COUNT(exchange));
 }
 
+/* ---- faults as each maker tells them ---- */
+
+enum cause { LOW_SUPPLY, HIGH_SUPPLY, HIGH_CURRENT, HOT_WINDING, NO_ENCODER, SILENCE };
+
+/* A drive that was switched on meets a cause. Its bridge opens, and a question, or the tick itself
+ * (ask NULL), gives this answer. */
+struct fault_row {
+    const char *file;
+    enum cause cause;
+    uint32_t on_id;
+    const char *on;
+    uint32_t ask_id;
+    const char *ask;
+    uint32_t id;
+    const char *told;
+};
+
+/* Error words: myactuator_rmd's error_code.hpp (0x4 low voltage, 0x8 high voltage, 0x10 current,
+ * 0x1000 temperature, 0x2000 encoder), ODrive's enumeration Error (0x200, 0x100, 0x1000, 0x2000,
+ * 0x1000000). VESC has no error in its status frames: speed, current and duty become 0. */
+TEST(a_fault_is_told_as_the_makers_drive_tells_it)
+{
+#define RMD HIL_SOURCE_DIR "/config/protocols/myactuator-rmd.yaml"
+#define RMD_ON 0x141, "a2 00 00 00 00 00 00 00"
+#define RMD_ASK 0x141, "9a 00 00 00 00 00 00 00", 0x241
+#define ODRIVE_ON 0x027, "08 00 00 00"
+#define ODRIVE_ASK 0x023, "", 0x023
+#define VESC HIL_SOURCE_DIR "/config/protocols/vesc.yaml"
+#define VESC_STILL 0x301, "00 00 00 00", 0, NULL, 0x901, "00 00 00 00 00 00 00 00"
+    static const struct fault_row rows[] = {
+        {RMD, LOW_SUPPLY, RMD_ON, RMD_ASK, "9a 19 19 01 46 00 04 00"},
+        {RMD, HIGH_SUPPLY, RMD_ON, RMD_ASK, "9a 19 19 01 bc 02 08 00"},
+        {RMD, HIGH_CURRENT, RMD_ON, RMD_ASK, "9a 19 19 01 e0 01 10 00"},
+        {RMD, HOT_WINDING, RMD_ON, RMD_ASK, "9a 7f 19 01 e0 01 00 10"},
+        {RMD, NO_ENCODER, RMD_ON, RMD_ASK, "9a 19 19 01 e0 01 00 20"},
+        {odrive, LOW_SUPPLY, ODRIVE_ON, ODRIVE_ASK, "00 02 00 00 00 02 00 00"},
+        {odrive, HIGH_SUPPLY, ODRIVE_ON, ODRIVE_ASK, "00 01 00 00 00 01 00 00"},
+        {odrive, HIGH_CURRENT, ODRIVE_ON, ODRIVE_ASK, "00 10 00 00 00 10 00 00"},
+        {odrive, HOT_WINDING, ODRIVE_ON, ODRIVE_ASK, "00 20 00 00 00 20 00 00"},
+        {watched, SILENCE, ODRIVE_ON, ODRIVE_ASK, "00 00 00 01 00 00 00 01"},
+        {VESC, LOW_SUPPLY, VESC_STILL},
+        {VESC, HIGH_SUPPLY, VESC_STILL},
+        {VESC, HIGH_CURRENT, VESC_STILL},
+        {VESC, HOT_WINDING, VESC_STILL},
+        {VESC, NO_ENCODER, VESC_STILL},
+        {VESC, SILENCE, VESC_STILL},
+    };
+
+    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
+        const struct fault_row *row = &rows[i];
+        const bool extended = row->on_id == 0x301;
+        int ms = 0;
+
+        open_bench(row->file, 0);
+        base->sense[0].winding_c = PLANT_AMBIENT_C;
+        bench_tick(base);
+        extended ? send_extended(row->on_id, row->on) : bench_send(base, 0, row->on_id, row->on);
+        bench_tick(base);
+        assert_true(base->motor[0].bridge_on);
+        base->sensors.supply_v = row->cause == LOW_SUPPLY    ? 7.0
+                                 : row->cause == HIGH_SUPPLY ? 70.0
+                                                             : base->sensors.supply_v;
+        base->sense[0].current_a = row->cause == HIGH_CURRENT ? 500.0 : 0.0;
+        base->sense[0].winding_c = row->cause == HOT_WINDING ? 200.0 : PLANT_AMBIENT_C;
+        base->sense[0].qm = row->cause == NO_ENCODER ? (double)NAN : 0.5;
+        for (; ms < 600 && base->motor[0].bridge_on; ms++) {
+            bench_tick(base);
+        }
+        if (ms == 600 || (row->cause == SILENCE && ms < 9)) {
+            fail_msg("row %zu: the bridge opened after %d ms", i, ms);
+        }
+        base->sense[0].current_a = 0.0;
+        if (row->ask) {
+            bench_send(base, 0, row->ask_id, row->ask);
+        }
+        do {
+            bench_tick(base);
+        } while (base->count[0] == 0 && ms++ < 700);
+        expect_as(row->id, extended ? FRAME_EXTENDED : 0, row->told);
+        close_bench();
+    }
+}
+
 /* ---- counters and checksums; the bytes by long division of polynomials ---- */
 
 TEST(a_board_counts_and_signs_its_frames)
