@@ -56,6 +56,23 @@ static double bus_demand(const struct rig *rig, size_t bus, int64_t command_ns)
     return 100.0 * (telemetry + commands) / (double)rig->bus[bus].bitrate;
 }
 
+size_t rig_bus_capacity(const struct rig *rig, size_t bus, int64_t command_period_ns)
+{
+    struct rig changed = *rig;
+    size_t axes = 0;
+
+    for (size_t i = 0; i < rig->boards.nboard; i++) {
+        const struct board_config *board = &rig->boards.board[i];
+
+        if (board->bus == (int)bus && board->kind != BOARD_MOTOR) {
+            return 0;
+        }
+        axes += board->bus == (int)bus ? load_axes(board) : 0;
+    }
+    changed.boards.tick_ns = command_period_ns;
+    return axes ? (size_t)(100.0 * (double)axes / bus_demand(&changed, bus, command_period_ns)) : 0;
+}
+
 /* Returns the worst-case load in percent at another bit rate. For CAN FD, keeps the ratio of the
  * two rates. */
 static double bus_demand_at(const struct rig *rig, size_t bus, int64_t bitrate)

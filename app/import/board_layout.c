@@ -23,19 +23,27 @@ static const struct protocol_bench one_each = {.bus_axes = IMPORT_BUS_AXES,
 
 /* ---- the protocol ---- */
 
-/* Reads the largest address in a protocol file, and whether the protocol needs CAN FD. */
-static enum error_code boards_read_file(const char *path, struct arena *arena,
+/* Reads the largest address in a protocol file, and whether the protocol needs CAN FD. fd: over CAN
+ * FD, which the protocol's frames must follow. */
+static enum error_code boards_read_file(const char *path, bool fd, struct arena *arena,
                                         struct import_boards *boards, struct error *error)
 {
     const struct described_protocol *protocol;
-    enum error_code code = described_load(path, false, arena, &protocol, error);
+    enum error_code code = described_load(path, fd, arena, &protocol, error);
 
+    if (!code && fd && !protocol->frame[0].either) {
+        return error_set(error, ERROR_INPUT,
+                         "--protocol: found \"%.200s-fd\", expected a protocol whose file has "
+                         "follow_fd: true before -fd",
+                         boards->name);
+    }
     for (size_t i = 0; !code && i < protocol->nframe; i++) {
         boards->fd = boards->fd || protocol->frame[i].flags & FRAME_FD;
         boards->optional = boards->optional ||
                            (protocol->frame[i].optional && protocol->frame[i].of & DESCRIBED_MOTOR);
     }
     boards->protocol = &protocol_described;
+    boards->described = code ? NULL : protocol;
     boards->address_max = code ? 0 : protocol->address_max;
     return code;
 }
@@ -60,10 +68,18 @@ enum error_code import_find_boards(const char *name, struct arena *arena,
     /* The name of a protocol file, or the path of a user's own file; a rig file names the copy
      * ../protocols/NAME */
     if (!strpbrk(name, "/.")) {
-        boards->name = name;
-        return config_locate_from(CONFIG_PROTOCOL, name, "", arena, &path, error)
+        struct error unused;
+        const bool follows =
+            fd && !config_locate_from(CONFIG_PROTOCOL, word, "", arena, &path, &unused) &&
+            config_locate_from(CONFIG_PROTOCOL, name, "", arena, &path, &unused);
+
+        boards->name = follows ? arena_strdup(arena, word) : name;
+        if (!boards->name) {
+            return error_set(error, ERROR_MEMORY, "no memory for the protocol");
+        }
+        return config_locate_from(CONFIG_PROTOCOL, boards->name, "", arena, &path, error)
                    ? error_prefix(error, "--protocol")
-                   : boards_read_file(path, arena, boards, error);
+                   : boards_read_file(path, follows, arena, boards, error);
     }
     if (!realpath(name, real)) {
         return error_set(error, ERROR_INPUT,
@@ -83,7 +99,7 @@ enum error_code import_find_boards(const char *name, struct arena *arena,
              strrchr(boards->copy ? boards->copy : "/", '/') + 1);
     boards->name = arena_strdup(arena, real);
     return boards->copy && boards->name
-               ? boards_read_file(boards->copy, arena, boards, error)
+               ? boards_read_file(boards->copy, false, arena, boards, error)
                : error_set(error, ERROR_MEMORY, "no memory for the protocol");
 }
 

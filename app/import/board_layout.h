@@ -17,7 +17,7 @@
 
 enum { IMPORT_BUS_AXES = 16, IMPORT_BUS_FT = 4, IMPORT_BUSES_MAX = 32 };
 
-/* Highest planned load of a bus, as a share of its capacity. */
+/* Default of the highest planned load of a bus, as a share of its capacity. */
 #define IMPORT_BUS_LOAD 0.80
 
 /* The protocol of motor and sensor boards, and addresses of motor boards. */
@@ -28,13 +28,14 @@ struct import_boards {
     const char *name; /* name or file of the protocol in the rig file; NULL = its own name */
     const char *copy; /* path of a user's own protocol file to copy; NULL = none */
     unsigned address_max;
-    const char *const *address; /* --address options, JOINT=NUMBER */
+    const struct described_protocol *described; /* with the models of drives; NULL = none */
+    const char *const *address;                 /* --address options, JOINT=NUMBER */
     size_t naddress;
 };
 
 /* Finds the protocol of --protocol and keeps the addresses. name is a protocol in C, with "-fd" for
- * CAN FD, or the name of a file in config/protocols, or the path of a file. NULL = the default
- * protocol. */
+ * CAN FD, or the name of a file in config/protocols, also with "-fd" if its frames follow the bus,
+ * or the path of a file. NULL = the default protocol. */
 enum error_code import_find_boards(const char *name, struct arena *arena,
                                    struct import_boards *boards, struct error *error);
 

@@ -391,9 +391,9 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
     return ERROR_NONE;
 }
 
-/* Returns the largest angle either way that boards of a described protocol report, rad; INFINITY if
- * there is no limit. */
-static double protocol_find_reach(const struct described_protocol *protocol)
+/* Returns the largest angle either way that boards of a described protocol report for a model of
+ * its drives, rad; INFINITY if there is no limit. */
+static double protocol_find_reach(const struct described_protocol *protocol, unsigned model)
 {
     double reach = 0.0;
 
@@ -401,14 +401,15 @@ static double protocol_find_reach(const struct described_protocol *protocol)
         const struct described_frame *frame = &protocol->frame[i];
 
         for (size_t k = 0; k < frame->nfield && !frame->from_host; k++) {
-            const struct described_field *field = &frame->field[k];
+            const struct described_field field =
+                described_model_field(protocol, model, &frame->field[k]);
 
-            if (field->meaning == DESCRIBED_MOTOR_POSITION ||
-                field->meaning == DESCRIBED_LINK_POSITION) {
-                const double low = field->offset + field->scale * (double)field->low;
-                const double high = field->offset + field->scale * (double)field->high;
+            if (field.meaning == DESCRIBED_MOTOR_POSITION ||
+                field.meaning == DESCRIBED_LINK_POSITION) {
+                const double low = field.offset + field.scale * (double)field.low;
+                const double high = field.offset + field.scale * (double)field.high;
 
-                reach = fmax(reach, field->real ? (double)INFINITY : fmin(fabs(low), fabs(high)));
+                reach = fmax(reach, field.real ? (double)INFINITY : fmin(fabs(low), fabs(high)));
             }
         }
     }
@@ -427,7 +428,12 @@ static enum error_code import_check_rig(struct importer *m, const char *path, do
     for (size_t i = 0; !code && load && i < rig->nbus; i++) {
         rig_bus_load(rig, i, rig->servo.command_period_ns, &telemetry, &commands);
         *load = fmax(*load, (telemetry + commands) / (double)rig->bus[i].bitrate);
-        m->reach = fmin(m->reach, protocol_find_reach(rig->bus[i].described));
+    }
+    for (size_t i = 0; !code && load && i < rig->boards.nboard; i++) {
+        const struct board_config *board = &rig->boards.board[i];
+
+        m->reach =
+            fmin(m->reach, protocol_find_reach(rig->bus[board->bus].described, board->model));
     }
     arena_fini(&arena);
     return code;
@@ -440,6 +446,7 @@ static enum error_code import_write_hanging(struct importer *m, const struct imp
 {
     struct import_plan *plan = &m->plan;
     double *load = &m->result->worst_load;
+    const double given = m->request->bus_load, most = given > 0.0 ? 0.01 * given : IMPORT_BUS_LOAD;
     enum error_code code;
 
     do {
@@ -451,20 +458,22 @@ static enum error_code import_write_hanging(struct importer *m, const struct imp
             (code = import_check_rig(m, m->result->rig, load))) {
             return code;
         }
-    } while (*load > IMPORT_BUS_LOAD && plan->counted && --plan->bus_axes > 0);
+    } while (*load > most && plan->counted && --plan->bus_axes > 0);
     m->result->nbus = plan->nbus;
-    return *load > IMPORT_BUS_LOAD
-               ? error_set(m->error, ERROR_UNSUPPORTED,
-                           "%.200s: a bus is loaded to %.1f %%, expected at most %.0f %%",
-                           m->result->rig, 100.0 * *load, 100.0 * IMPORT_BUS_LOAD)
-               : ERROR_NONE;
+    return *load > most ? error_set(m->error, ERROR_UNSUPPORTED,
+                                    "%.200s: a bus is loaded to %.1f %%, expected at most %.0f %%",
+                                    m->result->rig, 100.0 * *load, 100.0 * most)
+                        : ERROR_NONE;
 }
 
 /* Finds the gains, and writes the hanging rig. If the robot has a pose for standing, also writes
  * the standing rig. */
 static enum error_code import_write_bench(struct importer *m)
 {
-    struct import_rig rig = {.robot = m->result->loaded, .plan = &m->plan, .supply_v = m->supply_v};
+    struct import_rig rig = {.robot = m->result->loaded,
+                             .plan = &m->plan,
+                             .supply_v = m->supply_v,
+                             .drive_file = m->robot.drive_file};
     struct import_gains *gains = arena_alloc(m->arena, rig.robot->njoint + 1, sizeof *gains);
     enum error_code code;
 

@@ -27,9 +27,10 @@ struct import_rig {
     const struct import_plan *plan;
     const struct import_gains *gains;
     double supply_v;
-    const char *pose;     /* initial pose */
-    double height_m;      /* height of a hanging floating base above the ground */
-    const char *standing; /* name of the pose for standing, or NULL */
+    const char *const *drive_file; /* by joint: name of its catalogue drive, or NULL */
+    const char *pose;              /* initial pose */
+    double height_m;               /* height of a hanging floating base above the ground */
+    const char *standing;          /* name of the pose for standing, or NULL */
     double standing_height_m;
 };
 

@@ -2,6 +2,7 @@
 /* Writes the rig files of an import. */
 #include "app/import/write.h"
 
+#include "boards/described/protocol.h"
 #include "base/whole_file.h"
 
 #include <math.h>
@@ -29,6 +30,25 @@ static void write_joints(FILE *out, const struct import_rig *rig, const struct i
     fputs("]", out);
 }
 
+/* Returns the name of the protocol's model for the drive of a joint, the end of the drive's name:
+ * dm4310 for damiao-dm4310. Returns NULL without such a model. */
+static const char *joint_find_model(const struct import_rig *rig, size_t joint)
+{
+    const struct described_protocol *protocol = rig->plan->boards.described;
+    const char *drive = rig->drive_file[joint];
+
+    for (size_t i = 0; drive && protocol && i < protocol->nmodel; i++) {
+        const char *name = protocol->model[i].name;
+        const size_t length = name ? strlen(name) : 0, whole = strlen(drive);
+
+        if (length > 0 && whole > length && drive[whole - length - 1] == '-' &&
+            strcmp(drive + whole - length, name) == 0) {
+            return name;
+        }
+    }
+    return NULL;
+}
+
 /* Writes the boards for the joints of a bus: one board of servo valves, or motor boards with as
  * many axes as the protocol allows. If the protocol has a board that sends joint torques, also
  * writes this board. */
@@ -48,7 +68,10 @@ static void write_axes(FILE *out, const struct import_rig *rig, const struct imp
             current = fmax(current, drive_current_limit(&rig->robot->joint[bus->joint[k]]));
         }
         if (!bus->protocol) {
-            fprintf(out, ", current_limit_a: %.4g%s", current,
+            const char *model = joint_find_model(rig, bus->joint[first]);
+
+            fprintf(out, ", current_limit_a: %.4g%s%s%s", current, model ? ", model: " : "",
+                    model ? model : "",
                     rig->plan->boards.optional ? ", transmit_at_start: true" : "");
         }
         fputs("}\n", out);

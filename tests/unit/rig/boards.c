@@ -574,6 +574,19 @@ TEST_WITH(inertial_boards_load_their_buses, open_rig_tree, close_rig_tree)
     }
 }
 
+/* A command and its answer take 135 bits each on classic CAN, so that 3 Damiao drives fit in a
+ * millisecond, and 1 / 135 / 2 of every longer one. Beside sensors no number is told. */
+TEST_WITH(a_bus_carries_as_many_axes_as_fit_between_two_commands, open_rig_tree, close_rig_tree)
+{
+    const struct rig *rig = load_rig(HIL_SOURCE_DIR "/config/rigs/coman-damiao.yaml");
+    const int bus = rig_find_bus(rig, "left_hip"), sensors = rig_find_bus(rig, "sensors");
+
+    for (int ms = 1; ms <= 10; ms++) {
+        assert_int_equal(rig_bus_capacity(rig, (size_t)bus, ms * 1000000), ms * 1000 / 270);
+    }
+    assert_int_equal(rig_bus_capacity(rig, (size_t)sensors, 1000000), 0);
+}
+
 TEST_WITH(one_inertial_board_where_the_robot_has_the_sensor, open_rig_tree, close_rig_tree)
 {
     assert_buses_refused(

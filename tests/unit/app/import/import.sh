@@ -41,7 +41,7 @@ inertia='<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
     echo '</robot>'
 } >"$folder/arm.urdf"
 
-echo 1..44
+echo 1..49
 for protocol in icub foc compact compact-fd moteus cia402 odrive mini-cheetah \
     "$config/protocols/odrive.yaml"; do
     file=$protocol
@@ -130,6 +130,87 @@ result $? a_drive_that_is_not_there_is_refused_with_the_nearest
     "$folder/log" && [ ! -e "$folder/none" ]
 result $? a_pattern_of_no_joint_is_refused_with_the_nearest
 
+# Two arms of seven joints and a gripper of two fingers on a pedestal, the build of OpenArm, with
+# its makers' motors over Damiao's protocol: each arm fills one CAN FD bus
+{
+    echo '<robot name="twoarms"><link name="world"/><link name="pedestal"><inertial>'
+    echo '<origin xyz="0 0 0.3"/><mass value="10"/>'"$inertia"'</inertial></link>'
+    echo '<joint name="floor" type="fixed"><parent link="world"/><child link="pedestal"/></joint>'
+    for side in "left 1" "right -1"; do
+        set -- $side
+        parent=pedestal
+        place="0 0.0$((5 + $2)) 0.7"
+        for row in "1 0 0 1 -1.3 3.3 40 16 1.1" "2 1 0 0 -1.6 1.6 40 16 0.5" \
+            "3 0 0 1 -1.5 1.5 27 5 0.9" "4 0 1 0 0 2.4 27 5 0.8" "5 0 0 1 -1.5 1.5 7 20 0.6" \
+            "6 1 0 0 -0.7 0.7 7 20 0.4" "7 0 1 0 -1.5 1.5 7 20 0.3"; do
+            side=$1
+            # shellcheck disable=SC2086
+            set -- "$1" "$2" $row
+            echo "<link name=\"$1_link$3\"><inertial><origin xyz=\"0 0 -0.05\"/>"
+            echo "<mass value=\"${11}\"/><inertia ixx=\"0.002\" iyy=\"0.002\" izz=\"0.001\""
+            echo 'ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            echo "<joint name=\"$1_joint$3\" type=\"revolute\"><parent link=\"$parent\"/>"
+            echo "<child link=\"$1_link$3\"/><origin xyz=\"$place\"/><axis xyz=\"$4 $5 $6\"/>"
+            echo "<limit lower=\"$7\" upper=\"$8\" effort=\"$9\" velocity=\"${10}\"/></joint>"
+            parent=$1_link$3
+            place="0 0 -0.09"
+            set -- "$side" "$2"
+        done
+        for finger in "1 1" "2 -1 <mimic joint=\"$1_finger_joint1\"/>"; do
+            side=$1
+            # shellcheck disable=SC2086
+            set -- "$1" "$2" $finger
+            echo "<link name=\"$1_finger$3\"><inertial><mass value=\"0.04\"/><inertia ixx=\"2e-5\""
+            echo 'iyy="2e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            echo "<joint name=\"$1_finger_joint$3\" type=\"prismatic\"><parent link=\"$parent\"/>"
+            echo "<child link=\"$1_finger$3\"/><origin xyz=\"0 0 -0.12\"/><axis xyz=\"0 $4 0\"/>"
+            echo "<limit lower=\"0\" upper=\"0.04\" effort=\"300\" velocity=\"10\"/>${5-} ${6-}"
+            echo '</joint>'
+            set -- "$side" "$2"
+        done
+    done
+    echo '</robot>'
+} >"$folder/twoarms.urdf"
+# two_arms PROTOCOL OUT OPTIONS: the import of the guide
+two_arms() {
+    protocol=$1
+    out=$2
+    shift 2
+    "$program" import "$folder/twoarms.urdf" -o "$out" --protocol "$protocol" --mimic couple \
+        --prismatic drive --drive '*=damiao-dm4310' --drive '*_joint[12]=damiao-dm8009' \
+        --drive '*_joint[34]=damiao-dm4340' --drive '*_finger*=damiao-dm4310' "$@" \
+        >"$folder/log" 2>&1
+}
+two_arms damiao-fd "$folder/fd" --bus-load 95 &&
+    [ "$(grep -c 'data_bitrate: 5000000' "$out/rigs/twoarms.yaml")" -eq 2 ] &&
+    sed -n 's/.*address: \([0-9]\), .*model: dm\([0-9]*\)}$/\1 \2/p' "$out/rigs/twoarms.yaml" |
+    sort | uniq -c | tr -s ' \n' ' ' >"$folder/log" &&
+    grep -qx ' 2 1 8009 2 2 8009 2 3 4340 2 4 4340 2 5 4310 2 6 4310 2 7 4310 2 8 4310 ' \
+        "$folder/log" &&
+    grep -q '^doubted: 0' "$out/twoarms-import.txt"
+result $? an_arm_of_eight_motors_is_on_one_bus_of_can_fd
+"$program" check "$out/rigs/twoarms.yaml" >"$folder/log" 2>&1 &&
+    [ "$(grep -c 'load 45.4 % + 45.4 % = 90.9 %$' "$folder/log")" -eq 2 ] &&
+    [ "$(grep -c 'carries *8 such axes at 1 kHz, 17 at 500 Hz' "$folder/log")" -eq 2 ]
+result $? check_says_how_many_motors_a_bus_carries
+tolerance() {
+    printf 'extends: %s.yaml\nname: close\ntasks: {hold: {tolerance_rad: 0.01}}\n' "$1" \
+        >"$out/rigs/close.yaml"
+    "$program" run "$out/rigs/close.yaml" --task hold --clock free --transport local --quiet \
+        >"$folder/log" 2>&1 && grep -q 'held for 10.0 s' "$folder/log"
+}
+tolerance twoarms
+result $? two_arms_hold_their_pose_over_damiao_to_10_mrad
+two_arms damiao "$folder/classic" &&
+    [ "$(grep -c '^  - name: bus' "$out/rigs/twoarms.yaml")" -eq 8 ] &&
+    "$program" check "$out/rigs/twoarms.yaml" >"$folder/log" 2>&1 &&
+    [ "$(grep -c 'carries *3 such axes at 1 kHz, 7 at 500 Hz' "$folder/log")" -eq 8 ]
+result $? classic_can_carries_fewer
+! two_arms odrive-fd "$folder/none" &&
+    grep -q 'found "odrive-fd", expected a protocol whose file has follow_fd: true' "$folder/log" &&
+    [ ! -e "$folder/none" ]
+result $? a_protocol_without_can_fd_is_refused_with_fd
+
 # Hydraulic drives: a quadruped on twelve of them, hanging and on its feet
 {
     echo '<robot name="quad"><link name="trunk"><inertial><mass value="50"/><inertia ixx="1"'
@@ -173,12 +254,6 @@ out=$folder/quad
     grep -q '^protocol: servo-valve' "$out/rigs/quad.yaml" &&
     grep -q 'hydraulic supply: 160 bar' "$out/quad-import.txt"
 result $? a_quadruped_with_cylinders_gets_valves_and_a_supply
-tolerance() {
-    printf 'extends: %s.yaml\nname: close\ntasks: {hold: {tolerance_rad: 0.01}}\n' "$1" \
-        >"$out/rigs/close.yaml"
-    "$program" run "$out/rigs/close.yaml" --task hold --clock free --transport local --quiet \
-        >"$folder/log" 2>&1 && grep -q 'held for 10.0 s' "$folder/log"
-}
 tolerance quad
 result $? a_quadruped_with_cylinders_holds_its_pose_to_10_mrad
 tolerance quad-standing
