@@ -35,7 +35,7 @@ END
     result $? "$1 stands where it stood"
 }
 
-echo 1..42
+echo 1..57
 hold coman-compact 400
 hold coman-described 400
 tap_show=$work/out
@@ -62,6 +62,34 @@ for name in damiao robstride cubemars-servo vesc; do
         grep -q ' 0 malformed, 0 time-outs, 0 trips' "$work/out" && ! grep -qi 'fell' "$work/out"
     result $? "coman-$name squats in lockstep"
 done
+
+# the makers' motors on a small arm: each holds it under its weight for ten seconds, and moves it
+# along a trajectory
+cat >"$work/wave.csv" <<'END'
+time_s,yaw_rad,pitch_rad,elbow_rad
+0,0,0.8,0.9
+1,0.6,0.3,1.6
+2,-0.6,1.2,0.4
+3,0,0.8,0.9
+END
+for name in damiao robstride robstride-mit cubemars-mit cubemars-servo myactuator-rmd vesc; do
+    for task in hold "follow --trajectory $work/wave.csv"; do
+        tap_show=$work/out
+        # shellcheck disable=SC2086
+        timeout -k 5 100 "$program" run arm-$name --transport local --clock lockstep \
+            --control none --task $task --quiet --record "$work/arm-$name-${task%% *}" \
+            >"$work/out" 2>&1 </dev/null &&
+            grep -q ' 0 malformed, 0 time-outs, 0 trips' "$work/out"
+        result $? "the motors of arm-$name carry out the task ${task%% *}"
+    done
+done
+
+# Kt Kw / R = 0.546 Nm/A x 0.5457 V s/rad / 0.17 ohm = 1.7526 Nm s/rad is count 1435 of kd, and 20/s
+# times that is 287 of kp: gains that an AK80-6 bears
+tap_show=$work/out
+grep -c ' can0 002#[0-9A-F]\{7\}11F59B[0-9A-F]\{3\}$' "$work/arm-cubemars-mit-hold/candump.log" \
+    >"$work/out" && [ "$(cat "$work/out")" -gt 10000 ]
+result $? "the host asks a small drive for the damping of its winding"
 
 # stop and its answer, the parameter of the mode, enable, commands with the torque in bits 8 to 23
 tap_show=$work/coman-robstride/candump.log
