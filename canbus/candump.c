@@ -415,18 +415,6 @@ static size_t candump_read_line(FILE *file, char line[CANDUMP_LINE_MAX])
     return size;
 }
 
-/* Counts a line without a frame, such as a comment. For a DROPCOUNT line, also counts the lost
- * frames. */
-static void candump_skip_line(struct candump_reader *reader, const char *line, size_t size)
-{
-    static const char lost[] = "DROPCOUNT: dropped ";
-
-    reader->skipped_line = reader->skipped++ ? reader->skipped_line : reader->line;
-    if (size > sizeof lost && !memcmp(line, lost, sizeof lost - 1)) {
-        reader->lost += strtoull(line + sizeof lost - 1, NULL, 10);
-    }
-}
-
 enum error_code candump_next(struct candump_reader *reader, struct bus_frame *frame, char bus[16],
                              bool *end, struct error *error)
 {
@@ -448,7 +436,15 @@ enum error_code candump_next(struct candump_reader *reader, struct bus_frame *fr
         if (line[strspn(line, " ")] == '(') {
             break;
         }
-        candump_skip_line(reader, line, cursor.size);
+
+        /* Count a line without a frame, such as a comment. For a DROPCOUNT line, also count the
+         * lost frames. */
+        static const char lost[] = "DROPCOUNT: dropped ";
+
+        reader->skipped_line = reader->skipped++ ? reader->skipped_line : reader->line;
+        if (cursor.size > sizeof lost && !memcmp(line, lost, sizeof lost - 1)) {
+            reader->lost += strtoull(line + sizeof lost - 1, NULL, 10);
+        }
     }
     if (cursor.size > CANDUMP_LINE_MAX) {
         return error_set(error, ERROR_INPUT, "%s:%d:%d: the line is longer than any frame",

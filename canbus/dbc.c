@@ -557,34 +557,6 @@ static void dbc_put_number(FILE *file, double value)
     fputs(text, file);
 }
 
-/* Writes the version, the symbols of the format, and the nodes (BU_). */
-static void dbc_put_head(const struct dbc *dbc, FILE *file)
-{
-    fputs("VERSION \"\"\n\nNS_ :\n", file);
-    for (size_t i = 0; i < DBC_SYMBOLS; i++) {
-        fprintf(file, "\t%s\n", dbc_symbols[i]);
-    }
-    fputs("\nBS_:\n\nBU_:", file);
-    for (size_t i = 0; i < dbc->nnode; i++) {
-        fprintf(file, " %s", dbc->node[i].name);
-    }
-    fputc('\n', file);
-}
-
-/* Writes the nodes that receive a signal, comma-separated, and ends the line. */
-static void dbc_put_receivers(const struct dbc *dbc, const struct dbc_signal *signal, FILE *file)
-{
-    const char *separator = "";
-
-    for (size_t i = 0; i < dbc->nnode; i++) {
-        if (signal->receivers >> i & 1) {
-            fprintf(file, "%s%s", separator, dbc->node[i].name);
-            separator = ",";
-        }
-    }
-    fputs(signal->receivers ? "\n" : DBC_NOBODY "\n", file);
-}
-
 /* Writes a signal (SG_): multiplexing, place, byte order, sign, scale, range, unit, receivers. */
 static void dbc_put_signal(const struct dbc *dbc, const struct dbc_signal *signal, FILE *file)
 {
@@ -604,20 +576,17 @@ static void dbc_put_signal(const struct dbc *dbc, const struct dbc_signal *signa
     fputc('|', file);
     dbc_put_number(file, signal->max);
     fprintf(file, "] \"%s\" ", signal->unit);
-    dbc_put_receivers(dbc, signal, file);
-}
 
-/* Writes the messages (BO_) with their signals. */
-static void dbc_put_messages(const struct dbc *dbc, FILE *file)
-{
-    for (const struct dbc_message *m = dbc->message; m; m = m->next) {
-        fprintf(file, "\nBO_ %" PRIu32 " %s: %d %s\n", m->id, m->name, m->length,
-                m->sender == DBC_NO_NODE ? DBC_NOBODY : dbc->node[m->sender].name);
-        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
-            dbc_put_signal(dbc, s, file);
+    /* Write the nodes that receive a signal, comma-separated, and end the line */
+    const char *separator = "";
+
+    for (size_t i = 0; i < dbc->nnode; i++) {
+        if (signal->receivers >> i & 1) {
+            fprintf(file, "%s%s", separator, dbc->node[i].name);
+            separator = ",";
         }
     }
-    fputc('\n', file);
+    fputs(signal->receivers ? "\n" : DBC_NOBODY "\n", file);
 }
 
 /* Writes the comments (CM_) of the network, nodes, messages and signals. */
@@ -704,9 +673,33 @@ static void dbc_put_values(const struct dbc *dbc, FILE *file)
     }
 }
 
-/* Writes the value type of signals that are IEEE floats (SIG_VALTYPE_ 1). */
-static void dbc_put_floats(const struct dbc *dbc, FILE *file)
+enum error_code dbc_write(const struct dbc *dbc, FILE *file, struct error *error)
 {
+    /* Write the version, the symbols of the format, and the nodes (BU_) */
+    fputs("VERSION \"\"\n\nNS_ :\n", file);
+    for (size_t i = 0; i < DBC_SYMBOLS; i++) {
+        fprintf(file, "\t%s\n", dbc_symbols[i]);
+    }
+    fputs("\nBS_:\n\nBU_:", file);
+    for (size_t i = 0; i < dbc->nnode; i++) {
+        fprintf(file, " %s", dbc->node[i].name);
+    }
+    fputc('\n', file);
+
+    /* Write the messages (BO_) with their signals */
+    for (const struct dbc_message *m = dbc->message; m; m = m->next) {
+        fprintf(file, "\nBO_ %" PRIu32 " %s: %d %s\n", m->id, m->name, m->length,
+                m->sender == DBC_NO_NODE ? DBC_NOBODY : dbc->node[m->sender].name);
+        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
+            dbc_put_signal(dbc, s, file);
+        }
+    }
+    fputc('\n', file);
+    dbc_put_comments(dbc, file);
+    dbc_put_attributes(dbc, file);
+    dbc_put_values(dbc, file);
+
+    /* Write the value type of signals that are IEEE floats (SIG_VALTYPE_ 1) */
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {
         for (const struct dbc_signal *s = m->signal; s; s = s->next) {
             if (s->type == DBC_FLOAT) {
@@ -714,16 +707,6 @@ static void dbc_put_floats(const struct dbc *dbc, FILE *file)
             }
         }
     }
-}
-
-enum error_code dbc_write(const struct dbc *dbc, FILE *file, struct error *error)
-{
-    dbc_put_head(dbc, file);
-    dbc_put_messages(dbc, file);
-    dbc_put_comments(dbc, file);
-    dbc_put_attributes(dbc, file);
-    dbc_put_values(dbc, file);
-    dbc_put_floats(dbc, file);
     if (fflush(file) || ferror(file)) {
         return error_set_errno(error, errno, "the DBC database could not be written");
     }

@@ -81,16 +81,6 @@ static bool fault_port_rule_matches(const struct fault_port *f, const struct fau
     return !fault_port_exempts(f, frame);
 }
 
-/* Flips one random bit of the data. */
-static void fault_port_flip_bit(struct random_stream *random, struct bus_frame *frame)
-{
-    if (frame->len > 0) {
-        uint64_t bit = random_bits(random) % (8u * frame->len);
-
-        frame->data[bit / 8] ^= (uint8_t)(1u << bit % 8);
-    }
-}
-
 /* Stores a frame until due_ns. Without room, drops and counts it. */
 static void fault_port_hold_frame(struct fault_port_direction *d, const struct bus_frame *frame,
                                   int64_t due_ns)
@@ -127,7 +117,11 @@ static size_t fault_port_apply_rules(struct fault_port *f, struct fault_port_dir
                 return 0;
             }
             if (r->kind == FAULT_PORT_CORRUPTION) {
-                fault_port_flip_bit(&rule->random, &frame);
+                if (frame.len > 0) {
+                    uint64_t bit = random_bits(&rule->random) % (8u * frame.len);
+
+                    frame.data[bit / 8] ^= (uint8_t)(1u << bit % 8);
+                }
             } else {
                 copies = 2;
             }

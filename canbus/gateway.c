@@ -148,44 +148,6 @@ static size_t gateway_prepare_poll(struct gateway *gateway, struct pollfd fd[POL
     return count;
 }
 
-/* Executes clients' commands: first commands that waited for a STEP, then new commands, and last a
- * STEP. */
-static void gateway_serve_clients(struct gateway *gateway, const struct pollfd fd[GATEWAY_CLIENTS])
-{
-    for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
-        struct gateway_client *client = &gateway->client[i];
-
-        if (client->socket >= 0 && client->received) {
-            gateway_execute_inbox(gateway, client);
-        }
-        if (client->socket >= 0 && (fd[i].revents & ~POLLOUT)) {
-            gateway_read_client(gateway, client);
-        }
-    }
-    gateway_release_step(gateway);
-}
-
-/* Sends the output of clients, except clients that must receive an answer alone. Clients that may
- * receive the DONE of a STEP come last, so that the other clients already have all frames of the
- * STEP. */
-static void gateway_flush_clients(struct gateway *gateway)
-{
-    const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
-
-    for (int last = 0; last < 2; last++) {
-        for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
-            struct gateway_client *client = &gateway->client[i];
-            const bool hears_step =
-                client->bus == lockstep->bus || client->bus == GATEWAY_EVERY_BUS;
-
-            if (client->waiting && hears_step == last &&
-                (client->mode != CLIENT_RAW || gateway_now_ms() >= client->quiet_until_ms)) {
-                gateway_flush_client(client);
-            }
-        }
-    }
-}
-
 /* Runs the gateway until the stop event is raised; the thread's main function. */
 static void *gateway_run(void *context)
 {
@@ -211,8 +173,38 @@ static void *gateway_run(void *context)
         if (!atomic_load(&gateway->holds)) {
             gateway_forward_buses(gateway);
         }
-        gateway_serve_clients(gateway, fd + POLL_FIXED);
-        gateway_flush_clients(gateway);
+
+        /* Execute clients' commands: first commands that waited for a STEP, then new commands, and
+         * last a STEP */
+        for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
+            struct gateway_client *client = &gateway->client[i];
+
+            if (client->socket >= 0 && client->received) {
+                gateway_execute_inbox(gateway, client);
+            }
+            if (client->socket >= 0 && (fd[POLL_FIXED + i].revents & ~POLLOUT)) {
+                gateway_read_client(gateway, client);
+            }
+        }
+        gateway_release_step(gateway);
+
+        /* Send the output of clients, except clients that must receive an answer alone. Clients
+         * that may receive the DONE of a STEP come last, so that the other clients already have all
+         * frames of the STEP. */
+        const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
+
+        for (int last = 0; last < 2; last++) {
+            for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
+                struct gateway_client *client = &gateway->client[i];
+                const bool hears_step =
+                    client->bus == lockstep->bus || client->bus == GATEWAY_EVERY_BUS;
+
+                if (client->waiting && hears_step == last &&
+                    (client->mode != CLIENT_RAW || gateway_now_ms() >= client->quiet_until_ms)) {
+                    gateway_flush_client(client);
+                }
+            }
+        }
 
         /* Accept clients last, because they change the places in the poll set */
         gateway_close_silent(gateway);

@@ -244,22 +244,6 @@ fail:
     return error->code;
 }
 
-/* Returns an error about an unknown bus, with a list of the known ones. */
-static enum error_code gateway_slcan_refuse_bus(const struct gateway *gateway, const char *name,
-                                                struct error *error)
-{
-    char list[256] = "";
-
-    for (size_t i = 0; i < gateway->config.nbus; i++) {
-        size_t used = strlen(list);
-
-        snprintf(list + used, sizeof list - used, "%s%s", i ? ", " : "",
-                 gateway->config.bus[i].name);
-    }
-    return error_set(error, ERROR_INPUT, "slcan: found no bus \"%.64s\", expected one of %s", name,
-                     list);
-}
-
 enum error_code gateway_slcan_start(struct gateway *gateway, struct error *error)
 {
     enum error_code code = ERROR_NONE;
@@ -273,7 +257,17 @@ enum error_code gateway_slcan_start(struct gateway *gateway, struct error *error
         struct sockaddr_storage bound;
 
         if (!gateway_find_bus(gateway, slcan->bus, &gateway->slcan_bus[i])) {
-            return gateway_slcan_refuse_bus(gateway, slcan->bus, error);
+            /* The error about an unknown bus lists the known ones */
+            char list[256] = "";
+
+            for (size_t b = 0; b < gateway->config.nbus; b++) {
+                size_t used = strlen(list);
+
+                snprintf(list + used, sizeof list - used, "%s%s", b ? ", " : "",
+                         gateway->config.bus[b].name);
+            }
+            return error_set(error, ERROR_INPUT,
+                             "slcan: found no bus \"%.64s\", expected one of %s", slcan->bus, list);
         }
         code = slcan->path ? gateway_slcan_open_terminal(gateway, i, error)
                            : listen_at("gateway", slcan->host, slcan->port,

@@ -328,12 +328,6 @@ static size_t socketcan_transmit(struct socketcan *can, const struct bus_frame *
 
 /* ---- held frames ---- */
 
-/* Checks whether two frames have the same identifier and format. */
-static bool socketcan_same_identifier(const struct bus_frame *a, const struct bus_frame *b)
-{
-    return a->id == b->id && !((a->flags ^ b->flags) & (FRAME_EXTENDED | FRAME_REMOTE));
-}
-
 /* Holds a frame while the queue is full. It replaces an older held frame with the same identifier.
  * False = no room; the frame is dropped. */
 static bool socketcan_hold_frame(struct socketcan *can, const struct bus_frame *frame)
@@ -341,7 +335,9 @@ static bool socketcan_hold_frame(struct socketcan *can, const struct bus_frame *
     struct can_counters *counters = &can->port.counters;
     size_t i = 0;
 
-    while (i < can->nheld && !socketcan_same_identifier(&can->held[i], frame)) {
+    while (i < can->nheld &&
+           !(can->held[i].id == frame->id &&
+             !((can->held[i].flags ^ frame->flags) & (FRAME_EXTENDED | FRAME_REMOTE)))) {
         i++;
     }
     if (!port_may_send(&can->port, frame) || i == SOCKETCAN_HELD_MAX) {
@@ -488,15 +484,6 @@ static void socketcan_query_overflow(struct socketcan *can, bool full_batch)
     can->full_batch = full_batch;
 }
 
-/* Limits the time of a frame to the range from the last frame to now. The kernel uses the time of
- * day, and somebody may have set it while the frame waited. */
-static void socketcan_limit_time(struct socketcan *can, int64_t now, struct bus_frame *frame)
-{
-    frame->time_ns = frame->time_ns < now ? frame->time_ns : now;
-    frame->time_ns = frame->time_ns > can->last_ns ? frame->time_ns : can->last_ns;
-    can->last_ns = frame->time_ns;
-}
-
 /* Reads up to max frames (at most SOCKETCAN_BATCH) by one recvmmsg; returns how many, or -1 with
  * errno set. */
 static int socketcan_read_batch(struct socketcan *can, size_t max)
@@ -567,7 +554,12 @@ static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames,
 
             frame->time_ns = now;
             socketcan_read_ancillary(can, &can->message[i].msg_hdr, to_monotonic, frame);
-            socketcan_limit_time(can, now, frame);
+
+            /* Limit the time of a frame to the range from the last frame to now. The kernel uses
+             * the time of day, and somebody may have set it while the frame waited. */
+            frame->time_ns = frame->time_ns < now ? frame->time_ns : now;
+            frame->time_ns = frame->time_ns > can->last_ns ? frame->time_ns : can->last_ns;
+            can->last_ns = frame->time_ns;
             if (!whole) {
                 port->counters.rx_malformed++;
                 continue;
@@ -750,26 +742,6 @@ static int socketcan_open_socket(void)
     return socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
 }
 
-/* Explains why no CAN socket could be opened. */
-static enum error_code socketcan_explain_no_socket(int code, struct error *error)
-{
-    switch (code) {
-    case EAFNOSUPPORT:
-    case EPROTONOSUPPORT:
-        return error_set(error, ERROR_UNSUPPORTED,
-                         "this kernel has no CAN: raw CAN sockets are not available; load can and "
-                         "can_raw (`modprobe can-raw`), or keep the buses inside the process: run "
-                         "--transport local, with --task, or --gateway for other programs");
-    case EPERM:
-    case EACCES:
-        return error_set(error, ERROR_SYSTEM,
-                         "no permission to open a CAN socket; a container or service filter "
-                         "forbids address family AF_CAN");
-    default:
-        return error_set_errno(error, code, "cannot open a CAN socket");
-    }
-}
-
 /* Opens the descriptors and binds. On failure the caller closes them. */
 static enum error_code socketcan_start(struct socketcan *can, const struct socketcan_config *config,
                                        struct error *error)
@@ -780,7 +752,23 @@ static enum error_code socketcan_start(struct socketcan *can, const struct socke
 
     can->socket = socketcan_open_socket();
     if (can->socket < 0) {
-        return socketcan_explain_no_socket(errno, error);
+        /* Explain why no CAN socket could be opened */
+        switch (errno) {
+        case EAFNOSUPPORT:
+        case EPROTONOSUPPORT:
+            return error_set(
+                error, ERROR_UNSUPPORTED,
+                "this kernel has no CAN: raw CAN sockets are not available; load can and "
+                "can_raw (`modprobe can-raw`), or keep the buses inside the process: run "
+                "--transport local, with --task, or --gateway for other programs");
+        case EPERM:
+        case EACCES:
+            return error_set(error, ERROR_SYSTEM,
+                             "no permission to open a CAN socket; a container or service filter "
+                             "forbids address family AF_CAN");
+        default:
+            return error_set_errno(error, errno, "cannot open a CAN socket");
+        }
     }
     can->link = link_open();
     if (can->link < 0) {

@@ -171,12 +171,6 @@ static inline struct wire_counting wire_count_header(const struct wire_tables *t
     return counting;
 }
 
-/* Returns the CRC-15 after one more byte. */
-static unsigned wire_crc15_byte(const struct wire_tables *tables, unsigned crc, unsigned byte)
-{
-    return (crc << 8 ^ tables->crc15[(crc >> 7 ^ byte) & 0xFF]) & 0x7FFF;
-}
-
 /* Computes the length of a classic frame with its stuff bits. This is the inner loop of wire mode.
  * It is inlined for each format, so that the loops over the header have constant ends and all
  * values stay in registers. */
@@ -194,7 +188,8 @@ static inline struct wire_length wire_classic_length(const struct wire_tables *t
 
     /* CRC-15 of the header; its leading zeros do not change it, as the register starts at 0 */
     for (unsigned shift = (header.count + 7) / 8 * 8; shift > 0; shift -= 8) {
-        crc = wire_crc15_byte(tables, crc, header.bits >> (shift - 8) & 0xFF);
+        crc = (crc << 8 ^ tables->crc15[(crc >> 7 ^ (header.bits >> (shift - 8) & 0xFF)) & 0xFF]) &
+              0x7FFF;
     }
     /* Data: CRC and stuff bits in one pass */
     for (unsigned i = 0; i < bytes; i++) {
@@ -337,27 +332,6 @@ static uint32_t wire_crc_bit(uint32_t crc, unsigned bit, unsigned width, uint32_
     return top ^ bit ? crc ^ polynomial : crc;
 }
 
-/* Appends the CRC-15 over header and data before stuffing, with its stuff bits, including one
- * behind its last bit. */
-static void wire_put_crc15(struct wire_writing *writing, const struct wire_header *header,
-                           const struct bus_frame *frame)
-{
-    uint32_t crc = 0;
-
-    for (unsigned i = header->count; i-- > 0;) {
-        crc = wire_crc_bit(crc, header->bits >> i & 1, 15, CRC15_POLYNOMIAL);
-    }
-    for (unsigned i = 0; i < 8 * wire_data_bytes(frame); i++) {
-        crc = wire_crc_bit(crc, frame->data[i / 8] >> (7 - i % 8) & 1, 15, CRC15_POLYNOMIAL);
-    }
-    for (int i = 14; i >= 0; i--) {
-        wire_put_stuffed_bit(writing, crc >> i & 1);
-    }
-    if (writing->run == STUFF_AFTER) {
-        wire_put_bit(writing, !writing->bits->bit[writing->bits->count - 1]);
-    }
-}
-
 /* Appends the check field of an FD frame: the stuff count modulo 8 as a Gray code with even
  * parity, then the CRC over all bits so far (stuff bits included) and the stuff count, with a
  * fixed stuff bit before each four bits. */
@@ -416,7 +390,22 @@ void wire_frame_encode(const struct bus_frame *frame, struct wire_bits *bits)
     if (fd) {
         wire_put_fd_check(&writing, frame->len);
     } else {
-        wire_put_crc15(&writing, &header, frame);
+        /* Append the CRC-15 over header and data before stuffing, with its stuff bits, including
+         * one behind its last bit */
+        uint32_t crc = 0;
+
+        for (unsigned i = header.count; i-- > 0;) {
+            crc = wire_crc_bit(crc, header.bits >> i & 1, 15, CRC15_POLYNOMIAL);
+        }
+        for (unsigned i = 0; i < 8 * wire_data_bytes(frame); i++) {
+            crc = wire_crc_bit(crc, frame->data[i / 8] >> (7 - i % 8) & 1, 15, CRC15_POLYNOMIAL);
+        }
+        for (int i = 14; i >= 0; i--) {
+            wire_put_stuffed_bit(&writing, crc >> i & 1);
+        }
+        if (writing.run == STUFF_AFTER) {
+            wire_put_bit(&writing, !writing.bits->bit[writing.bits->count - 1]);
+        }
     }
 
     /* CRC delimiter, ACK field and EOF: recessive, without stuff bits */

@@ -60,19 +60,6 @@ void wire_count_drop(struct wire *wire, size_t node, enum wire_drop drop)
     wire->stats.dropped[drop]++;
 }
 
-/* Counts a queued frame and updates the peaks. */
-static void wire_count_queued(struct wire *wire, struct wire_node *node)
-{
-    node->stats.queued++;
-    wire->stats.queued++;
-    if (node->stats.queued > node->stats.queued_peak) {
-        node->stats.queued_peak = node->stats.queued;
-    }
-    if (wire->stats.queued > wire->stats.queued_peak) {
-        wire->stats.queued_peak = wire->stats.queued;
-    }
-}
-
 bool wire_transmit(struct wire *wire, size_t index, const struct bus_frame *frame)
 {
     struct wire_node *node = &wire->node[index];
@@ -100,7 +87,16 @@ bool wire_transmit(struct wire *wire, size_t index, const struct bus_frame *fram
     slot->priority = wire_priority(frame);
     slot->order = node->order++;
     wire_queue_push(wire, node, free_slot);
-    wire_count_queued(wire, node);
+
+    /* Count a queued frame and update the peaks */
+    node->stats.queued++;
+    wire->stats.queued++;
+    if (node->stats.queued > node->stats.queued_peak) {
+        node->stats.queued_peak = node->stats.queued;
+    }
+    if (wire->stats.queued > wire->stats.queued_peak) {
+        wire->stats.queued_peak = wire->stats.queued;
+    }
     wire->pending |= WIRE_BIT(index);
     return true;
 }

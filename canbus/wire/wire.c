@@ -275,28 +275,6 @@ static void wire_deliver_late(struct wire *wire, size_t sender, const struct bus
     late->receivers = receivers;
 }
 
-/* Confirms a frame to its sender, counts its latency, and frees its slot. */
-static void wire_confirm_frame(struct wire *wire, size_t index)
-{
-    struct wire_node *node = &wire->node[index];
-    struct wire_slot *slot = &node->slot[node->flying];
-    const int64_t latency_ns = wire->flight.end_ns - slot->ready_ns;
-
-    slot->frame.time_ns = wire->flight.end_ns;
-    node->stats.confirmed++;
-    if (index < wire->config.nodes && latency_ns > wire->stats.latency_max_ns) {
-        wire->stats.latency_max_ns = latency_ns;
-        wire->stats.latency_max_id = slot->frame.id;
-    }
-    if (wire->config.events & 1 << WIRE_CONFIRM) {
-        wire_notify(wire, &(struct wire_event){.kind = WIRE_CONFIRM,
-                                               .time_ns = wire->flight.end_ns,
-                                               .node = index,
-                                               .frame = &slot->frame});
-    }
-    wire_slot_free(wire, node, node->flying);
-}
-
 /* Ends a good frame: reception, confirmation, error counters. */
 static void wire_finish_good(struct wire *wire)
 {
@@ -319,7 +297,24 @@ static void wire_finish_good(struct wire *wire)
     }
     WIRE_FOR_EACH(index, flight->senders)
     {
-        wire_confirm_frame(wire, index);
+        /* Confirm a frame to its sender, count its latency, and free its slot */
+        struct wire_node *node = &wire->node[index];
+        struct wire_slot *slot = &node->slot[node->flying];
+        const int64_t latency_ns = wire->flight.end_ns - slot->ready_ns;
+
+        slot->frame.time_ns = wire->flight.end_ns;
+        node->stats.confirmed++;
+        if (index < wire->config.nodes && latency_ns > wire->stats.latency_max_ns) {
+            wire->stats.latency_max_ns = latency_ns;
+            wire->stats.latency_max_id = slot->frame.id;
+        }
+        if (wire->config.events & 1 << WIRE_CONFIRM) {
+            wire_notify(wire, &(struct wire_event){.kind = WIRE_CONFIRM,
+                                                   .time_ns = wire->flight.end_ns,
+                                                   .node = index,
+                                                   .frame = &slot->frame});
+        }
+        wire_slot_free(wire, node, node->flying);
     }
     /* Success lowers the error counters of senders and receivers */
     WIRE_FOR_EACH(index, wire->counting & (flight->senders | (listeners & ~flight->blind)))
