@@ -69,28 +69,6 @@ static void couple_add_crossing(struct axis_couple *c, const double w[3], const 
     }
 }
 
-/* Computes low and high: the range of the own line inside the capsule of radius reach about the
- * other axis. */
-static void couple_find_range(struct axis_couple *c)
-{
-    double limit2 = c->reach * c->reach, w[3], u[3];
-
-    /* Crossings with the spheres at the ends */
-    c->low = HUGE_VAL;
-    c->high = -HUGE_VAL;
-    for (int end = -1; end <= 1; end += 2) {
-        vec3_add_scaled(c->between, end * c->other_half, c->other, w);
-        couple_add_crossing(c, w, c->direction, limit2, HUGE_VAL);
-    }
-
-    /* Crossings with the side, measured perpendicular to the other axis */
-    vec3_add_scaled(c->between, -vec3_dot(c->between, c->other), c->other, w);
-    vec3_add_scaled(c->direction, -vec3_dot(c->direction, c->other), c->other, u);
-    if (vec3_dot(u, u) > PARALLEL) {
-        couple_add_crossing(c, w, u, limit2, c->other_half);
-    }
-}
-
 /* Adds the spring of a point of the own axis at s from its center: for a piece of the axis with
  * this length, or for `ends` ends. */
 static void couple_add_spring(const struct axis_couple *c, double s, double length, int ends,
@@ -172,7 +150,24 @@ static void couple_add_axis(struct axis_couple *c, const struct native_law *law,
 {
     double low, high;
 
-    couple_find_range(c);
+    /* Compute low and high: the range of the own line inside the capsule of radius reach about the
+     * other axis */
+    double limit2 = c->reach * c->reach, w[3], u[3];
+
+    /* Crossings with the spheres at the ends */
+    c->low = HUGE_VAL;
+    c->high = -HUGE_VAL;
+    for (int end = -1; end <= 1; end += 2) {
+        vec3_add_scaled(c->between, end * c->other_half, c->other, w);
+        couple_add_crossing(c, w, c->direction, limit2, HUGE_VAL);
+    }
+
+    /* Crossings with the side, measured perpendicular to the other axis */
+    vec3_add_scaled(c->between, -vec3_dot(c->between, c->other), c->other, w);
+    vec3_add_scaled(c->direction, -vec3_dot(c->direction, c->other), c->other, u);
+    if (vec3_dot(u, u) > PARALLEL) {
+        couple_add_crossing(c, w, u, limit2, c->other_half);
+    }
     low = c->low > -c->half ? c->low : -c->half;
     high = c->high < c->half ? c->high : c->half;
     if (low > high) {

@@ -87,29 +87,6 @@ static void weigh_facet(const struct facet_moments *moments, const struct facet_
     }
 }
 
-/* Adds the elastic forces and energies of the springs to sum: stored k D^2 / 2, dissipated power k
- * D c v^2. */
-static void add_energies(const struct facet_moments *moments, const struct facet_linear *depth,
-                         const struct facet_linear *leaving, double k, double c,
-                         struct native_sum *sum)
-{
-    const double x = leaving->slope[0], y = leaving->slope[1], at = leaving->center;
-    const double square[FACET_POWERS] = {at * at, 2 * at * x, 2 * at * y, x * x, 2 * x * y, y * y};
-    double force[FACET_POWERS], power = 0;
-
-    for (int i = 0; i < FACET_POWERS; i++) {
-        force[i] = k * (depth->center * moments->of[POWER_1][i] +
-                        depth->slope[0] * moments->of[POWER_X][i] +
-                        depth->slope[1] * moments->of[POWER_Y][i]);
-        power += square[i] * force[i];
-    }
-    sum->gather->elastic += force[POWER_1];
-    sum->potential += (depth->center * force[POWER_1] + depth->slope[0] * force[POWER_X] +
-                       depth->slope[1] * force[POWER_Y]) /
-                      2;
-    sum->power += c * power;
-}
-
 /* Adds one lane of the weights' moments to the moments of one weight. */
 static void add_lane(const double zeroth[LANES], const double first[3][LANES],
                      const double second[6][LANES], int lane, struct moments *m)
@@ -183,6 +160,23 @@ bool facet_below_plane_gather(const struct solid *solid, const struct facet *fac
     }
     weigh_facet(moments, depth, &share, pressure, c, weight);
     add_in_space(weight, origin, axis[0], axis[1], n, sum);
-    add_energies(moments, depth, &leaving, pressure, c, sum);
+
+    /* Add the elastic forces and energies of the springs to sum: stored k D^2 / 2, dissipated power
+     * k D c v^2 */
+    const double x = leaving.slope[0], y = leaving.slope[1], at = leaving.center;
+    const double square[FACET_POWERS] = {at * at, 2 * at * x, 2 * at * y, x * x, 2 * x * y, y * y};
+    double force[FACET_POWERS], power = 0;
+
+    for (int i = 0; i < FACET_POWERS; i++) {
+        force[i] = pressure * (depth->center * moments->of[POWER_1][i] +
+                               depth->slope[0] * moments->of[POWER_X][i] +
+                               depth->slope[1] * moments->of[POWER_Y][i]);
+        power += square[i] * force[i];
+    }
+    sum->gather->elastic += force[POWER_1];
+    sum->potential += (depth->center * force[POWER_1] + depth->slope[0] * force[POWER_X] +
+                       depth->slope[1] * force[POWER_Y]) /
+                      2;
+    sum->power += c * power;
     return true;
 }

@@ -372,13 +372,6 @@ static void patch_add_friction(const struct springs *s, const struct slide *slid
     patch->power = power;
 }
 
-/* Returns whether the friction of the patch's bristles is below the yield limit. Call it after
- * patch_add_friction. */
-static bool patch_is_firm(const struct sticking_patch *patch)
-{
-    return patch->whole == 1 || patch->held <= YIELD_FROM * patch->most;
-}
-
 /* Models springs in the plane across the normal n, with the anchor's radius r about its point, at
  * x from the center. They resist v + w x x across n, and the spin about n with r^2. With m = x x n
  * the terms are I - n n^T, [x] - n m^T and |x|^2 I - x x^T - m m^T + r^2 n n^T. */
@@ -558,7 +551,7 @@ static double hold_ahead(const struct springs *s, const struct slide *slide, dou
     /* Limits the growth of |y|^2 to twice the work of friction */
     most = fmax(0, before + 2 * h * patch->power);
 
-    if (patch->whole == 1 || (patch_is_firm(patch) && after <= most)) {
+    if (patch->whole == 1 || (patch->held <= YIELD_FROM * patch->most && after <= most)) {
         *sum = unyielding;
     } else {
         /* Scales the bristles back to the friction limit, by an implicit step of the yield q_1, and

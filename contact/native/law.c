@@ -207,22 +207,6 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
 
 /* ---- springs with individual directions ---- */
 
-/* Computes each spring's direction in the world frame and the moment of a unit force along it about
- * the tangent's center (m). */
-static void law_find_directions(const struct native_batch *b, size_t start,
-                                const struct native_sum *sum, struct resistance *out)
-{
-    for (size_t i = 0; i < out->n; i += LANES) {
-        lanes d[3], arm[3];
-
-        for (int k = 0; k < 3; k++) {
-            d[k] = lanes_load(b->d[k] + start + i);
-            arm[k] = lanes_load(out->arm[k] + i);
-        }
-        store_direction(sum->turn, d, arm, out->along, i);
-    }
-}
-
 /* Adds one row of the upper triangles of K and D: stiffness and damping of the springs times the
  * outer product of (n, arm x n). The sums of one row fit into the registers. */
 LANES_INLINE void tangent_add_row(const struct resistance *by, const int row,
@@ -328,7 +312,17 @@ static void law_add_tangents(const struct native_batch *b, const struct native_l
             mat3_apply(sum->turn, d, direction);
             tangent_add_one_way(&by, direction, sum->tangent);
         } else {
-            law_find_directions(b, start, sum, &by);
+            /* Compute each spring's direction in the world frame and the moment of a unit force
+             * along it about the tangent's center (m) */
+            for (size_t i = 0; i < by.n; i += LANES) {
+                lanes d[3], arm[3];
+
+                for (int k = 0; k < 3; k++) {
+                    d[k] = lanes_load(b->d[k] + start + i);
+                    arm[k] = lanes_load(by.arm[k] + i);
+                }
+                store_direction(sum->turn, d, arm, by.along, i);
+            }
             tangent_add_row(&by, CONTACT_MOVE_X, sum->tangent);
             tangent_add_row(&by, CONTACT_MOVE_Y, sum->tangent);
             tangent_add_row(&by, CONTACT_MOVE_Z, sum->tangent);

@@ -250,26 +250,6 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
 
 /* ---- functions of contact.h ---- */
 
-/* Moves the bounding balls to the present poses of the bodies. Computes the poses of half-spaces,
- * which the broad phase needs; pair_place_surfaces computes the other poses later. */
-static void surfaces_move(struct native_engine *e, const struct body_motion *motion)
-{
-    for (size_t i = 0; i < e->nsurface; i++) {
-        const struct native_surface *s = &e->surface[i];
-
-        if (s->body < 0) {
-            continue;
-        }
-        e->placed[i] = s->shape == CONTACT_HALF_SPACE;
-        if (e->placed[i]) {
-            surface_place(s, &motion[s->body], &e->pose[i]);
-            surface_place_plane(e, i);
-        } else {
-            surface_place_ball(e, i, &motion[s->body]);
-        }
-    }
-}
-
 /* Checks that the listed bristle states are within BRISTLE_MOST. Otherwise returns ERROR_INPUT,
  * and the failure names the pair. */
 static enum error_code bristles_check(struct native_engine *e,
@@ -335,7 +315,23 @@ static enum error_code native_evaluate(struct contact_world *world,
     for (size_t b = 0; b < e->nbody; b++) {
         wrench[b] = (struct contact_wrench){{0}, {0}};
     }
-    surfaces_move(e, motion);
+
+    /* Move the bounding balls to the present poses of the bodies. Compute the poses of half-spaces,
+     * which the broad phase needs; pair_place_surfaces computes the other poses later. */
+    for (size_t i = 0; i < e->nsurface; i++) {
+        const struct native_surface *s = &e->surface[i];
+
+        if (s->body < 0) {
+            continue;
+        }
+        e->placed[i] = s->shape == CONTACT_HALF_SPACE;
+        if (e->placed[i]) {
+            surface_place(s, &motion[s->body], &e->pose[i]);
+            surface_place_plane(e, i);
+        } else {
+            surface_place_ball(e, i, &motion[s->body]);
+        }
+    }
     e->npatch = 0;
     e->scratch->batch.n = e->scratch->batch.start = 0;
     e->scratch->batch.full = false;

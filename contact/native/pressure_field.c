@@ -811,44 +811,6 @@ static void visit_shell(const struct visit *v, const struct visit_facet *f)
 
 /* ---- two meshes ---- */
 
-/* Adds all facets of the visitor in a box; the box is in the visitor's frame. */
-static void visit_facets(const struct visit *v, const struct box *there)
-{
-    const struct tree *tree = &v->visitor->facets;
-    const struct tree_node *node = tree->node, *end = tree_end(tree);
-
-    while (node != end) {
-        if (!boxes_meet(&node->box, there)) {
-            node += node->size;
-            continue;
-        }
-        for (int i = 0; i < node->count; i++) {
-            struct visit_facet f;
-
-            /* Transforms the facet into the carrier's frame */
-            f.f = &v->visitor->facet[tree->item[node->first + i]];
-            mat3_apply(v->R, f.f->normal, f.normal);
-            mat3_apply(v->R, f.f->axis[0], f.axis[0]);
-            mat3_apply(v->R, f.f->axis[1], f.axis[1]);
-            mat3_apply(v->R, f.f->center, f.center);
-            vec3_add_scaled(f.center, 1, v->p, f.center);
-            if (v->field->planar) {
-                visit_planes(v, &f);
-                continue;
-            }
-
-            /* Transforms the corners, for the facet's box in the shell */
-            f.ncorner = f.f->count <= FEW_CORNERS ? f.f->count : 0;
-            for (int k = 0; k < f.ncorner; k++) {
-                mat3_apply(v->R, v->visitor->ring[f.f->first + k], f.corner[k]);
-                vec3_add_scaled(f.corner[k], 1, v->p, f.corner[k]);
-            }
-            visit_shell(v, &f);
-        }
-        ++node;
-    }
-}
-
 /* Lists the cells of a shell that meet a box (each is a leaf), and computes the box about them.
  * Returns false if there are none. */
 static bool visit_find_near(struct visit *v, const struct box *where, struct box *about)
@@ -886,7 +848,41 @@ static void visit_near(struct visit *v, const struct box *in, const struct box *
 
     if (v->field->planar || visit_find_near(v, where, &about)) {
         box_transform(&about, R, p, &there);
-        visit_facets(v, &there);
+
+        /* Add all facets of the visitor in a box; the box is in the visitor's frame */
+        const struct tree *tree = &v->visitor->facets;
+        const struct tree_node *node = tree->node, *end = tree_end(tree);
+
+        while (node != end) {
+            if (!boxes_meet(&node->box, &there)) {
+                node += node->size;
+                continue;
+            }
+            for (int i = 0; i < node->count; i++) {
+                struct visit_facet f;
+
+                /* Transforms the facet into the carrier's frame */
+                f.f = &v->visitor->facet[tree->item[node->first + i]];
+                mat3_apply(v->R, f.f->normal, f.normal);
+                mat3_apply(v->R, f.f->axis[0], f.axis[0]);
+                mat3_apply(v->R, f.f->axis[1], f.axis[1]);
+                mat3_apply(v->R, f.f->center, f.center);
+                vec3_add_scaled(f.center, 1, v->p, f.center);
+                if (v->field->planar) {
+                    visit_planes(v, &f);
+                    continue;
+                }
+
+                /* Transforms the corners, for the facet's box in the shell */
+                f.ncorner = f.f->count <= FEW_CORNERS ? f.f->count : 0;
+                for (int k = 0; k < f.ncorner; k++) {
+                    mat3_apply(v->R, v->visitor->ring[f.f->first + k], f.corner[k]);
+                    vec3_add_scaled(f.corner[k], 1, v->p, f.corner[k]);
+                }
+                visit_shell(v, &f);
+            }
+            ++node;
+        }
     }
 }
 
