@@ -230,18 +230,6 @@ bool control_may_read(const struct control_client *client)
            client_unsent(client) <= CONTROL_OUTBOX / 2;
 }
 
-/* Refuses a line longer than the inbox and skips its rest. */
-static void client_skip_line(struct control *control, struct control_client *client)
-{
-    struct error error;
-
-    client->received = 0;
-    client->skipping = true;
-    error_set(&error, ERROR_INPUT, "line %llu: found more than %d bytes, expected fewer",
-              (unsigned long long)client->line + 1, CONTROL_LINE - 1);
-    client_refuse_line(control, client, NULL, &error);
-}
-
 /* Carries out one line of the inbox. Returns false if there is no complete line, or if the client
  * was disconnected. */
 static bool client_next_line(struct control *control, struct control_client *client)
@@ -259,7 +247,14 @@ static bool client_next_line(struct control *control, struct control_client *cli
     }
     if (!end) {
         if (client->received == CONTROL_LINE) {
-            client_skip_line(control, client);
+            /* Refuse a line longer than the inbox and skip its rest */
+            struct error error;
+
+            client->received = 0;
+            client->skipping = true;
+            error_set(&error, ERROR_INPUT, "line %llu: found more than %d bytes, expected fewer",
+                      (unsigned long long)client->line + 1, CONTROL_LINE - 1);
+            client_refuse_line(control, client, NULL, &error);
         }
         return false;
     }

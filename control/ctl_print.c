@@ -73,44 +73,6 @@ void ctl_print_hello(const json_t *answer, FILE *out)
 
 /* ---- status ---- */
 
-/* Prints rig, clock, speed, times and overruns. */
-static void ctl_print_time(const json_t *answer, FILE *out)
-{
-    double speed = number_of(answer, "speed");
-
-    fprintf(out, "%s: %s, clock %s", text_of(answer, "rig"),
-            is_true(answer, "paused") ? "paused" : "running", text_of(answer, "clock"));
-    if (strcmp(text_of(answer, "clock"), "real") == 0) {
-        if (speed > 0.0) {
-            fprintf(out, " x%g", speed);
-        } else {
-            fputs(", as fast as possible", out);
-        }
-    }
-    fprintf(out, "\n  file      %s\n", text_of(answer, "file"));
-    fprintf(out, "  time      %.3f s, tick %lld of %g ms; %.3f s since the start\n",
-            number_of(answer, "time_s"), integer_of(answer, "tick"),
-            1e3 * number_of(answer, "tick_s"), number_of(answer, "elapsed_s"));
-    fprintf(out, "  overruns  %lld, lost ticks %lld\n", integer_of(answer, "overruns"),
-            integer_of(answer, "lost_ticks"));
-    fprintf(out, "  robot     %s%s\n", text_of(answer, "robot_hash"),
-            is_true(answer, "clamped") ? ", links clamped" : "");
-}
-
-/* Prints the task and the directory of the recording, if any. */
-static void print_task(const json_t *answer, FILE *out)
-{
-    const json_t *task = json_object_get(answer, "task");
-
-    if (json_is_object(task)) {
-        fprintf(out, "  task      %s, %s%s%s\n", text_of(task, "name"), text_of(task, "status"),
-                text_of(task, "message")[0] ? ": " : "", text_of(task, "message"));
-    }
-    if (json_is_string(json_object_get(answer, "recording"))) {
-        fprintf(out, "  recording %s\n", text_of(answer, "recording"));
-    }
-}
-
 /* Prints a table of the buses. */
 static void ctl_print_buses(const json_t *answer, FILE *out)
 {
@@ -174,11 +136,35 @@ static void ctl_print_external(const json_t *answer, FILE *out)
 
 void ctl_print_status(const json_t *answer, FILE *out)
 {
-    const json_t *fault;
+    const json_t *fault, *task = json_object_get(answer, "task");
     size_t i;
 
-    ctl_print_time(answer, out);
-    print_task(answer, out);
+    double speed = number_of(answer, "speed");
+
+    fprintf(out, "%s: %s, clock %s", text_of(answer, "rig"),
+            is_true(answer, "paused") ? "paused" : "running", text_of(answer, "clock"));
+    if (strcmp(text_of(answer, "clock"), "real") == 0) {
+        if (speed > 0.0) {
+            fprintf(out, " x%g", speed);
+        } else {
+            fputs(", as fast as possible", out);
+        }
+    }
+    fprintf(out, "\n  file      %s\n", text_of(answer, "file"));
+    fprintf(out, "  time      %.3f s, tick %lld of %g ms; %.3f s since the start\n",
+            number_of(answer, "time_s"), integer_of(answer, "tick"),
+            1e3 * number_of(answer, "tick_s"), number_of(answer, "elapsed_s"));
+    fprintf(out, "  overruns  %lld, lost ticks %lld\n", integer_of(answer, "overruns"),
+            integer_of(answer, "lost_ticks"));
+    fprintf(out, "  robot     %s%s\n", text_of(answer, "robot_hash"),
+            is_true(answer, "clamped") ? ", links clamped" : "");
+    if (json_is_object(task)) {
+        fprintf(out, "  task      %s, %s%s%s\n", text_of(task, "name"), text_of(task, "status"),
+                text_of(task, "message")[0] ? ": " : "", text_of(task, "message"));
+    }
+    if (json_is_string(json_object_get(answer, "recording"))) {
+        fprintf(out, "  recording %s\n", text_of(answer, "recording"));
+    }
     fputs("  faults   ", out);
     json_array_foreach(json_object_get(answer, "faults"), i, fault)
     {
@@ -242,23 +228,6 @@ void ctl_print_tunable(const json_t *answer, FILE *out)
             number_of(answer, "max"), is_true(answer, "whole") ? ", whole" : "");
 }
 
-/* Prints one entry of a list. */
-static void print_entry(const char *list, const json_t *entry, FILE *out)
-{
-    if (json_is_string(entry)) {
-        fprintf(out, "%s\n", json_string_value(entry));
-    } else if (strcmp(list, "tunables") == 0) {
-        ctl_print_tunable(entry, out);
-    } else if (strcmp(list, "faults") == 0) {
-        fprintf(out, "%-16s %-4s %s\n", text_of(entry, "name"),
-                is_true(entry, "active") ? "on" : "off", text_of(entry, "line"));
-    } else {
-        fprintf(out, "%lld  tick %lld, %.6f s%s\n", integer_of(entry, "slot"),
-                integer_of(entry, "tick"), number_of(entry, "time_s"),
-                integer_of(entry, "slot") ? "" : " (the start)");
-    }
-}
-
 void ctl_print_list(const json_t *answer, FILE *out)
 {
     static const char *const lists[] = {"tunables", "faults",      "bodies",
@@ -270,7 +239,18 @@ void ctl_print_list(const json_t *answer, FILE *out)
 
         json_array_foreach(json_object_get(answer, lists[k]), i, entry)
         {
-            print_entry(lists[k], entry, out);
+            if (json_is_string(entry)) {
+                fprintf(out, "%s\n", json_string_value(entry));
+            } else if (strcmp(lists[k], "tunables") == 0) {
+                ctl_print_tunable(entry, out);
+            } else if (strcmp(lists[k], "faults") == 0) {
+                fprintf(out, "%-16s %-4s %s\n", text_of(entry, "name"),
+                        is_true(entry, "active") ? "on" : "off", text_of(entry, "line"));
+            } else {
+                fprintf(out, "%lld  tick %lld, %.6f s%s\n", integer_of(entry, "slot"),
+                        integer_of(entry, "tick"), number_of(entry, "time_s"),
+                        integer_of(entry, "slot") ? "" : " (the start)");
+            }
         }
     }
 }

@@ -271,24 +271,6 @@ static void take_loop_answers(struct control *control)
     }
 }
 
-/* Answers a wait request when its tick or time has been reached. */
-static void answer_when_reached(struct control *control, struct control_client *client)
-{
-    struct simulator_status status = {0};
-    struct control_request request = client->request;
-
-    simulator_read(control->config.simulator, &status);
-    if (request.wait_time ? (double)status.time_ns * 1e-9 >= request.time_s
-                          : status.tick >= (uint64_t)request.count) {
-        client->request.root = NULL;
-        client->waiting = WAITING_NOT;
-        control_answer(control, client, request.id,
-                       json_pack("{s:I, s:f}", "tick", (json_int_t)status.tick, "time_s",
-                                 (double)status.time_ns * 1e-9));
-        control_request_clear(&request);
-    }
-}
-
 bool control_pump(struct control *control)
 {
     bool more = false;
@@ -303,7 +285,20 @@ bool control_pump(struct control *control)
         if (client->waiting == WAITING_ROOM) {
             client_ask_loop(control, client);
         } else if (client->waiting == WAITING_TICK) {
-            answer_when_reached(control, client);
+            /* Answer a wait request when its tick or time has been reached */
+            struct simulator_status status = {0};
+            struct control_request request = client->request;
+
+            simulator_read(control->config.simulator, &status);
+            if (request.wait_time ? (double)status.time_ns * 1e-9 >= request.time_s
+                                  : status.tick >= (uint64_t)request.count) {
+                client->request.root = NULL;
+                client->waiting = WAITING_NOT;
+                control_answer(control, client, request.id,
+                               json_pack("{s:I, s:f}", "tick", (json_int_t)status.tick, "time_s",
+                                         (double)status.time_ns * 1e-9));
+                control_request_clear(&request);
+            }
         }
         if (client->received > 0 && control_carry_out_requests(control, client)) {
             more = true;

@@ -412,22 +412,6 @@ static enum error_code fault_read_parameters(struct fault_reader *r, const struc
     return ERROR_NONE;
 }
 
-/* Turns a motor's fault that its drive measures into the fault of a sensor with a fixed reading. */
-static void fault_read_as_sensor(struct fault *fault)
-{
-    const bool hot = fault->kind == FAULT_OVER_TEMPERATURE;
-
-    if (hot || fault->kind == FAULT_OVER_CURRENT) {
-        fault->target = FAULT_SENSOR;
-        fault->channels = 1;
-        fault->index =
-            fault->index * SENSOR_JOINT_CHANNELS + (hot ? SENSOR_TEMPERATURE : SENSOR_CURRENT);
-        fault->kind = FAULT_WRONG;
-        fault->value[0] = 0.0;
-        fault->value[1] = hot ? HOT_C : LARGE_A;
-    }
-}
-
 enum error_code fault_parse(const char *text, const struct fault_names *names, struct fault *fault,
                             struct error *error)
 {
@@ -446,7 +430,20 @@ enum error_code fault_parse(const char *text, const struct fault_names *names, s
         (code = fault_read_parameters(&r, rule, fault))) {
         return code;
     }
-    fault_read_as_sensor(fault);
+
+    /* Turn a motor's fault that its drive measures into the fault of a sensor with a fixed
+     * reading */
+    const bool hot = fault->kind == FAULT_OVER_TEMPERATURE;
+
+    if (hot || fault->kind == FAULT_OVER_CURRENT) {
+        fault->target = FAULT_SENSOR;
+        fault->channels = 1;
+        fault->index =
+            fault->index * SENSOR_JOINT_CHANNELS + (hot ? SENSOR_TEMPERATURE : SENSOR_CURRENT);
+        fault->kind = FAULT_WRONG;
+        fault->value[0] = 0.0;
+        fault->value[1] = hot ? HOT_C : LARGE_A;
+    }
     snprintf(fault->text, sizeof fault->text, "%s", text);
     return ERROR_NONE;
 }
