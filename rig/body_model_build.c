@@ -26,26 +26,6 @@ static int task_body_axis(const struct rig *rig, const char *joint)
     return TEXT_FIND(rig->axis, rig->naxis, joint, joint);
 }
 
-/* Builds a link of the body model from a body of the robot and its parent joint. */
-static void task_body_link(const struct rig_builder *b, size_t i, struct body_link *link)
-{
-    const struct robot_body *body = &b->robot->body[i];
-
-    *link = (struct body_link){.name = body->name, .parent = body->parent, .axis = -1};
-    link->mass_kg = body->inertia.mass;
-    memcpy(link->com_m, body->inertia.com, sizeof link->com_m);
-    if (i > 0) {
-        const struct robot_joint *joint = &b->robot->joint[i - 1];
-
-        link->joint = joint->name;
-        link->axis = task_body_axis(b->rig, joint->name);
-        link->fixed_rad = b->rig->joint[i - 1];
-        memcpy(link->origin, joint->origin, sizeof link->origin);
-        memcpy(link->rotation, joint->rotation, sizeof link->rotation);
-        memcpy(link->direction, joint->axis, sizeof link->direction);
-    }
-}
-
 /* Builds the configuration of the walk: the common gains of all axes, then the exceptions for
  * single joints. */
 static enum error_code task_body_walk(struct rig_builder *b)
@@ -79,7 +59,21 @@ enum error_code rig_build_task_body(struct rig_builder *b)
     }
     /* Build the links, then the frames of the sensors and the soles */
     for (size_t i = 0; i < robot->nbody; i++) {
-        task_body_link(b, i, &link[i]);
+        const struct robot_body *body = &b->robot->body[i];
+
+        link[i] = (struct body_link){.name = body->name, .parent = body->parent, .axis = -1};
+        link[i].mass_kg = body->inertia.mass;
+        memcpy(link[i].com_m, body->inertia.com, sizeof link[i].com_m);
+        if (i > 0) {
+            const struct robot_joint *joint = &b->robot->joint[i - 1];
+
+            link[i].joint = joint->name;
+            link[i].axis = task_body_axis(b->rig, joint->name);
+            link[i].fixed_rad = b->rig->joint[i - 1];
+            memcpy(link[i].origin, joint->origin, sizeof link[i].origin);
+            memcpy(link[i].rotation, joint->rotation, sizeof link[i].rotation);
+            memcpy(link[i].direction, joint->axis, sizeof link[i].direction);
+        }
     }
     *model = (struct body_model){
         .nlink = robot->nbody,

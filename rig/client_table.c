@@ -1031,27 +1031,6 @@ static void table_put_joints(struct client_table *t)
     }
 }
 
-/* Writes the messages of a bus with their signals. */
-static void table_put_messages(const struct client_table *t)
-{
-    fprintf(t->out, "messages %s\n", t->rig->bus[t->bus].name);
-    for (const struct dbc_message *m = t->dbc->message; m; m = m->next) {
-        table_put_head(t, "message", m->id & ~DBC_EXTENDED,
-                       (m->id & DBC_EXTENDED ? FRAME_EXTENDED : 0) | (m->fd ? FRAME_FD : 0));
-        fprintf(t->out, " %u %s\n", m->length, dbc_whole_name(m->name, m->long_name));
-        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
-            fprintf(t->out, "signal");
-            signal_put_place(s, t->out);
-            fprintf(t->out, " %.17g %.17g %d %u %s\n", s->scale, s->offset,
-                    s->role == DBC_PLAIN         ? -1
-                    : s->role == DBC_MULTIPLEXOR ? -2
-                                                 : (int)s->selector,
-                    s->frame_length ? s->frame_length : m->length,
-                    dbc_whole_name(s->name, s->long_name));
-        }
-    }
-}
-
 /* Writes the rows of a bus. */
 static enum error_code table_put_bus(struct client_table *t, struct host *host, struct arena *arena,
                                      struct error *error)
@@ -1087,7 +1066,24 @@ static enum error_code table_put_bus(struct client_table *t, struct host *host, 
     } else {
         table_put_signals(t);
     }
-    table_put_messages(t);
+
+    /* Write the messages of a bus with their signals */
+    fprintf(t->out, "messages %s\n", t->rig->bus[t->bus].name);
+    for (const struct dbc_message *m = t->dbc->message; m; m = m->next) {
+        table_put_head(t, "message", m->id & ~DBC_EXTENDED,
+                       (m->id & DBC_EXTENDED ? FRAME_EXTENDED : 0) | (m->fd ? FRAME_FD : 0));
+        fprintf(t->out, " %u %s\n", m->length, dbc_whole_name(m->name, m->long_name));
+        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
+            fprintf(t->out, "signal");
+            signal_put_place(s, t->out);
+            fprintf(t->out, " %.17g %.17g %d %u %s\n", s->scale, s->offset,
+                    s->role == DBC_PLAIN         ? -1
+                    : s->role == DBC_MULTIPLEXOR ? -2
+                                                 : (int)s->selector,
+                    s->frame_length ? s->frame_length : m->length,
+                    dbc_whole_name(s->name, s->long_name));
+        }
+    }
     return ERROR_NONE;
 }
 

@@ -112,13 +112,6 @@ static int dbc_board_node(const struct dbc_exporter *e, int board)
     return node;
 }
 
-/* Returns the name of a board's node. For NULL, returns the word for all boards. */
-static const char *dbc_board_name(const struct dbc_exporter *e, const struct board_config *board)
-{
-    return board ? e->dbc->node[dbc_board_node(e, (int)(board - e->rig->boards.board))].name
-                 : everyone;
-}
-
 /* Makes a signal name from the names in the boards' message tables. */
 static void dbc_make_table_name(const struct dbc_exporter *e, const struct dbc_field *p,
                                 char name[NAME_SIZE])
@@ -345,7 +338,9 @@ static struct dbc_message *dbc_export_message(struct dbc_exporter *e, const stru
         snprintf(before, sizeof before, "%.11s_%u_", whole, (unsigned)board->address % 10000);
     } else {
         whole[0] = '\0';
-        snprintf(before, sizeof before, "%s_", dbc_board_name(e, board));
+        snprintf(before, sizeof before, "%s_",
+                 board ? e->dbc->node[dbc_board_node(e, (int)(board - e->rig->boards.board))].name
+                       : everyone);
     }
     dbc_fit_name(name, before, words, after);
     e->code = dbc_add_message(e->dbc, &made, &added, e->error);
@@ -391,21 +386,16 @@ static void dbc_export_command(struct dbc_exporter *e, const struct message *mes
     }
 }
 
-/* Returns whether this pass leaves out a message. The first pass adds messages with values, the
- * second pass adds the others. If two messages have one identifier and no command code, a DBC
- * cannot distinguish them, so only the first is added. */
-static bool dbc_leaves_out(const struct dbc_exporter *e, const struct message *message)
-{
-    return message->constant != e->constants ||
-           (message->code == MESSAGE_NO_CODE && dbc_find_message(e->dbc, dbc_id(message)));
-}
-
 /* Adds a message of the boards. Adds a command to the message of its class. */
 static bool dbc_visit_message(void *context, const struct message *message)
 {
     struct dbc_exporter *e = context;
 
-    if (dbc_leaves_out(e, message)) {
+    /* The first pass adds messages with values, the second pass adds the others. If two messages
+     * have one identifier and no command code, a DBC cannot distinguish them, so only the first is
+     * added. */
+    if (message->constant != e->constants ||
+        (message->code == MESSAGE_NO_CODE && dbc_find_message(e->dbc, dbc_id(message)))) {
         return true;
     }
     if (message->code != MESSAGE_NO_CODE) {

@@ -172,17 +172,12 @@ static int surface_robot_body(const struct rig_builder *b, int surface)
     return body < (int)b->robot->nbody ? body : -1;
 }
 
-/* Returns whether a pair consists of the surfaces `a` and `b`, in any order. */
-static bool pairs_are_same(const struct contact_pair *p, int a, int b)
-{
-    return (p->a == a && p->b == b) || (p->a == b && p->b == a);
-}
-
 /* Returns the index of the pair of two surfaces among n pairs, or -1 if there is none. */
 static int pairs_find(const struct contact_pair *pair, size_t n, int first, int second)
 {
     for (size_t i = 0; i < n; i++) {
-        if (pairs_are_same(&pair[i], first, second)) {
+        if ((pair[i].a == first && pair[i].b == second) ||
+            (pair[i].a == second && pair[i].b == first)) {
             return (int)i;
         }
     }

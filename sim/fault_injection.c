@@ -40,19 +40,6 @@ static enum fault_port_kind fault_port_kind_of(enum fault_kind kind)
     }
 }
 
-/* Makes the rule by which a port executes a fault while it is active. */
-static struct fault_port_rule fault_port_rule_of(const struct fault *fault)
-{
-    return (struct fault_port_rule){
-        .kind = fault_port_kind_of(fault->kind),
-        .probability = fault->value[0],
-        .delay_ns = fault->kind == FAULT_LATE ? (int64_t)(fault->value[0] * 1e9) : 0,
-        .id = fault->id,
-        .active = &fault->active,
-        .stream = fault->name,
-    };
-}
-
 /* Wraps a bus's port in a fault port, if a fault of the bus needs port rules. */
 static enum error_code injection_create_port(struct fault_injection *injection, size_t bus,
                                              struct arena *arena, struct can_port **port,
@@ -83,7 +70,14 @@ static enum error_code injection_create_port(struct fault_injection *injection, 
             injection->wire[i].wire = config->wire[bus];
             on_wire++;
         } else {
-            rule[made.nrule++] = fault_port_rule_of(fault);
+            rule[made.nrule++] = (struct fault_port_rule){
+                .kind = fault_port_kind_of(fault->kind),
+                .probability = fault->value[0],
+                .delay_ns = fault->kind == FAULT_LATE ? (int64_t)(fault->value[0] * 1e9) : 0,
+                .id = fault->id,
+                .active = &fault->active,
+                .stream = fault->name,
+            };
         }
     }
     if (on_wire > WIRE_FAULTS_MAX) {

@@ -252,20 +252,6 @@ static void title_add_sensors(struct title_list *list, const struct robot *robot
     }
 }
 
-/* Appends the titles of all sensors: true values of those outside the joints, then measured
- * values. */
-static void title_add_sensed(struct title_list *list, const struct robot *robot)
-{
-    static const char *const joint[SIGNALS_SENSED_JOINT] = {
-        "sensed_q_*_rad", "sensed_qm_*_rad", "sensed_torque_*_nm", "sensed_current_*_a"};
-
-    title_add_sensors(list, robot, false);
-    for (size_t j = 0; j < robot->njoint; j++) {
-        title_add_group(list, joint, SIGNALS_SENSED_JOINT, robot->joint[j].name);
-    }
-    title_add_sensors(list, robot, true);
-}
-
 /* Appends the titles of hydraulic joints and of their supply. */
 static void title_add_hydraulics(struct title_list *list, const struct robot *robot)
 {
@@ -318,7 +304,17 @@ static void title_add_recorded(struct title_list *list, const struct rig *rig)
     for (size_t i = 0; i < rig->nfree; i++) {
         title_add_group(list, free_body, SIGNALS_PER_FREE, rig->free[i].name);
     }
-    title_add_sensed(list, rig->robot);
+
+    /* Append the titles of all sensors: true values of those outside the joints, then measured
+     * values */
+    static const char *const measured[SIGNALS_SENSED_JOINT] = {
+        "sensed_q_*_rad", "sensed_qm_*_rad", "sensed_torque_*_nm", "sensed_current_*_a"};
+
+    title_add_sensors(list, rig->robot, false);
+    for (size_t j = 0; j < rig->robot->njoint; j++) {
+        title_add_group(list, measured, SIGNALS_SENSED_JOINT, rig->robot->joint[j].name);
+    }
+    title_add_sensors(list, rig->robot, true);
     title_add_hydraulics(list, rig->robot);
 }
 
