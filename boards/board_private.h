@@ -47,6 +47,7 @@ struct board_identity {
 
 /* The functions and properties of one kind of board. */
 struct board_ops {
+    size_t size; /* of a board, whose first member is struct board */
     struct board_identity identity;
     size_t periodic_max; /* most frames per transmission */
     /* the firmware commutates the motor: when the firmware hangs, the magnetic field stops
@@ -80,8 +81,10 @@ struct board_settings {
 
 /* The functions and properties of a protocol's buses. */
 struct board_bus_ops {
-    /* Called after a board gets its address, before its power-up. NULL = not needed. */
-    void (*add_board)(struct board_bus *bus, struct board *board);
+    size_t size; /* of a bus, whose first member is struct board_bus */
+    /* Called after a board gets its address, before its power-up; false = out of memory. NULL = not
+     * needed. */
+    bool (*add_board)(struct board_bus *bus, struct board *board, struct arena *arena);
     bool remote;   /* accepts remote frames */
     bool extended; /* accepts 29-bit identifiers */
     /* Receives a frame with an identifier and a length that the bus allows. */
@@ -215,12 +218,6 @@ static inline bool board_is_deaf(const struct board *board)
 {
     return board->in_bootloader || board->away;
 }
-
-/* Allocate a protocol's board or bus of `size` bytes. Its first member is struct board or struct
- * board_bus. NULL = out of memory. Not RT-safe. */
-struct board *board_create(struct arena *arena, size_t size, const struct board_ops *ops);
-struct board_bus *board_bus_create(struct arena *arena, size_t size,
-                                   const struct board_bus_ops *ops);
 
 /* Return the configuration and the protocol of a bus, with defaults filled in. */
 const struct boards_bus_config *boards_bus(const struct boards_config *config, int bus);

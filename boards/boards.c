@@ -321,27 +321,6 @@ const struct protocol *boards_protocol(const struct boards_config *config, int b
     return protocol ? protocol : protocol_at(0);
 }
 
-struct board *board_create(struct arena *arena, size_t size, const struct board_ops *ops)
-{
-    struct board *board = arena_alloc(arena, 1, size);
-
-    if (board) {
-        board->ops = ops;
-    }
-    return board;
-}
-
-struct board_bus *board_bus_create(struct arena *arena, size_t size,
-                                   const struct board_bus_ops *ops)
-{
-    struct board_bus *bus = arena_alloc(arena, 1, size);
-
-    if (bus) {
-        bus->ops = ops;
-    }
-    return bus;
-}
-
 /* Powers up a board and its axes. */
 static void board_power_up(struct board *board)
 {
@@ -351,19 +330,20 @@ static void board_power_up(struct board *board)
     }
 }
 
-/* Creates a board with the function of its protocol and puts it on its bus. Returns false when out
- * of memory. */
+/* Creates a board of its protocol and puts it on its bus. Returns false when out of memory. */
 static bool boards_make_board(struct boards *boards, size_t index,
                               const struct board_config *config, struct arena *arena)
 {
     struct board_bus *bus = boards->bus[config->bus];
-    struct board *board = bus->config.protocol->make_board(config, arena);
+    const struct board_ops *ops = bus->config.protocol->board[config->kind];
+    struct board *board = arena_alloc(arena, 1, ops->size);
     unsigned axes = board_config_axes(config);
 
     if (!board) {
         return false;
     }
     boards->board[index] = board;
+    board->ops = ops;
     board->boards = boards;
     board->bus = bus;
     board->index = (uint16_t)index;
@@ -385,8 +365,8 @@ static bool boards_make_board(struct boards *boards, size_t index,
     board_bus_place(bus, board->address, board);
     bus->capacity += BOARD_REPLIES_MAX;
     bus->transmit_max += BOARD_REPLIES_MAX + board->ops->periodic_max;
-    if (bus->ops->add_board) {
-        bus->ops->add_board(bus, board);
+    if (bus->ops->add_board && !bus->ops->add_board(bus, board, arena)) {
+        return false;
     }
 
     board_power_up(board);
@@ -406,7 +386,7 @@ bool boards_firmware(const struct boards *boards, size_t board, struct board_fir
     return protocol->firmware && protocol->firmware(of, firmware);
 }
 
-/* Creates the buses with the functions of their protocols. Returns false when out of memory. */
+/* Creates the buses. Returns false when out of memory. */
 static bool boards_make_buses(struct boards *boards, const struct boards_config *config,
                               struct arena *arena)
 {
@@ -415,10 +395,11 @@ static bool boards_make_buses(struct boards *boards, const struct boards_config 
     for (size_t i = 0; boards->bus && i < config->nbus; i++) {
         const struct protocol *protocol = boards_protocol(config, (int)i);
 
-        boards->bus[i] = protocol->make_bus(arena);
+        boards->bus[i] = arena_alloc(arena, 1, protocol->bus->size);
         if (!boards->bus[i]) {
             return false;
         }
+        boards->bus[i]->ops = protocol->bus;
         boards->bus[i]->config = *boards_bus(config, (int)i);
         boards->bus[i]->config.protocol = protocol;
         boards->bus[i]->reply = protocol->reply;

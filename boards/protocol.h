@@ -6,7 +6,7 @@
  * are data, behavior is functions. A function may be NULL where its comment says so.
  *
  * The tables are immutable. No function here is RT-safe: the loop uses the functions of the buses
- * and boards that make_bus and make_board create (boards/board_private.h).
+ * and boards (boards/board_private.h).
  */
 #ifndef BOARDS_PROTOCOL_H
 #define BOARDS_PROTOCOL_H
@@ -17,7 +17,8 @@
 #include <stdio.h>
 
 struct board;
-struct board_bus;
+struct board_ops;
+struct board_bus_ops;
 
 /* How `coman-hil import` lays out a rig for an imported robot. */
 struct protocol_bench {
@@ -62,9 +63,9 @@ struct protocol {
     /* Text of the built-in protocol files, for classic CAN and CAN FD; NULL = none */
     const char *text, *text_fd;
 
-    /* Both return NULL when out of memory. */
-    struct board_bus *(*make_bus)(struct arena *arena);
-    struct board *(*make_board)(const struct board_config *config, struct arena *arena);
+    /* Functions and sizes of a bus, and of boards by enum board_kind (boards/board_private.h) */
+    const struct board_bus_ops *bus;
+    const struct board_ops *board[BOARD_INERTIAL + 1];
 
     /* Gets the last firmware download (boards_firmware). NULL = the bootloader accepts none. */
     bool (*firmware)(const struct board *board, struct board_firmware *firmware);

@@ -559,7 +559,8 @@ static void cia402_motor_shut_down(struct board *board)
     }
 }
 
-static const struct board_ops cia402_motor_ops = {
+const struct board_ops cia402_motor_ops = {
+    .size = sizeof(struct cia402_motor),
     .identity = {.type = CIA402_KIND_DRIVE, .major = 1, .minor = 0, .build = 1},
     .periodic_max = FRAMES_MAX,
     .power_up = cia402_motor_power_up,
@@ -571,13 +572,3 @@ static const struct board_ops cia402_motor_ops = {
     .axis_size = sizeof(struct cia402_axis),
     .settings = &cia402_settings,
 };
-
-struct board *cia402_motor_create(struct arena *arena)
-{
-    struct board *board = board_create(arena, sizeof(struct cia402_motor), &cia402_motor_ops);
-
-    if (board) {
-        cia402_node_of(board)->axis = container_of(board, struct cia402_motor, node.board)->axis;
-    }
-    return board;
-}

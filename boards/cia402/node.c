@@ -1162,12 +1162,8 @@ static void cia402_bus_receive(struct boards *boards, struct board_bus *bus,
     }
 }
 
-static const struct board_bus_ops cia402_bus_ops = {
+const struct board_bus_ops cia402_bus_ops = {
+    .size = sizeof(struct board_bus),
     .remote = true,
     .receive = cia402_bus_receive,
 };
-
-struct board_bus *cia402_bus_create(struct arena *arena)
-{
-    return board_bus_create(arena, sizeof(struct board_bus), &cia402_bus_ops);
-}

@@ -373,9 +373,14 @@ struct cia402_sensor {
     bool started;
 };
 
-struct board_bus *cia402_bus_create(struct arena *arena);
-struct board *cia402_motor_create(struct arena *arena);
-struct board *cia402_make_board(const struct board_config *config, struct arena *arena);
+/* A sensor board. */
+struct cia402_sensor_board {
+    struct cia402_node node;
+    struct cia402_sensor sensor;
+};
+
+extern const struct board_bus_ops cia402_bus_ops;
+extern const struct board_ops cia402_motor_ops, cia402_ft_ops, cia402_inertial_ops;
 
 /* Prints the object dictionary as a section of the page. Not RT-safe. */
 void cia402_print_objects(FILE *out);

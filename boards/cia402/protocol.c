@@ -233,8 +233,10 @@ const struct protocol protocol_cia402 = {
     .switches = true,
     /* assumed: drives differ, and the standard only bounds it by the host's time-out */
     .reply = {.delay_ns = 200000},
-    .make_bus = cia402_bus_create,
-    .make_board = cia402_make_board,
+    .bus = &cia402_bus_ops,
+    .board = {[BOARD_MOTOR] = &cia402_motor_ops,
+              [BOARD_FT] = &cia402_ft_ops,
+              [BOARD_INERTIAL] = &cia402_inertial_ops},
     .visit_broadcasts = cia402_visit_broadcasts,
     .visit_board = cia402_visit_board,
     .claims_id = cia402_claims_id,

@@ -15,11 +15,6 @@ enum { FRAMES_MAX = 2 + CIA402_EMERGENCIES + CIA402_AXIS_PDOS, HALF = BOARD_CHAN
 /* First channel of each quantity of the inertial sensor. */
 enum { ACCELERATION = 0, RATE = 3, ORIENTATION = 6, MAGNETIC = 10 };
 
-struct cia402_sensor_board {
-    struct cia402_node node;
-    struct cia402_sensor sensor;
-};
-
 /* Returns the struct cia402_sensor_board that contains a board. */
 static struct cia402_sensor_board *cia402_sensor_of(const struct board *board)
 {
@@ -147,27 +142,12 @@ static void cia402_sensor_control(struct board *board, struct ms_span span)
 /* Functions common to both kinds of sensor node */
 #define SENSOR_BOARD(kind, function)                                                               \
     {                                                                                              \
+        .size = sizeof(struct cia402_sensor_board),                                                \
         .identity = {.type = kind, .major = 1, .minor = 0, .build = 1},                            \
         .periodic_max = FRAMES_MAX, .power_up = cia402_sensor_power_up, .sample = function,        \
         .control = cia402_sensor_control, .transmit = cia402_node_transmit                         \
     }
 
-/* Creates a board of the kind that its configuration names. */
-struct board *cia402_make_board(const struct board_config *config, struct arena *arena)
-{
-    static const struct board_ops ft = SENSOR_BOARD(CIA402_KIND_FT, cia402_ft_sample);
-    static const struct board_ops inertial =
-        SENSOR_BOARD(CIA402_KIND_INERTIAL, cia402_inertial_sample);
-    enum cia402_kind kind = cia402_kind_of(config);
-    struct board *board = kind == CIA402_KIND_DRIVE
-                              ? cia402_motor_create(arena)
-                              : board_create(arena, sizeof(struct cia402_sensor_board),
-                                             kind == CIA402_KIND_FT ? &ft : &inertial);
-
-    if (board) {
-        cia402_node_of(board)->kind = kind;
-        cia402_node_of(board)->sensor =
-            kind == CIA402_KIND_DRIVE ? NULL : &cia402_sensor_of(board)->sensor;
-    }
-    return board;
-}
+const struct board_ops cia402_ft_ops = SENSOR_BOARD(CIA402_KIND_FT, cia402_ft_sample);
+const struct board_ops cia402_inertial_ops =
+    SENSOR_BOARD(CIA402_KIND_INERTIAL, cia402_inertial_sample);

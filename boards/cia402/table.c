@@ -6,6 +6,7 @@
 
 #include "base/array.h"
 #include "base/options.h"
+#include "boards/protocol_list.h"
 #include "canbus/frame.h"
 
 #include <inttypes.h>
@@ -536,6 +537,12 @@ void cia402_put(enum cia402_type type, int64_t value, uint8_t *data)
 
 void cia402_set_factory(struct cia402_node *node)
 {
+    node->kind = (enum cia402_kind)node->board.ops->identity.type;
+    if (node->kind == CIA402_KIND_DRIVE) {
+        node->axis = container_of(node, struct cia402_motor, node)->axis;
+    } else {
+        node->sensor = &container_of(node, struct cia402_sensor_board, node)->sensor;
+    }
     /* Set the initial values of the table */
     for (size_t i = 0; i < cia402_object_count; i++) {
         const struct cia402_object *object = &cia402_objects[i];
@@ -776,7 +783,8 @@ static void eds_put_list(const struct cia402_node *node, const char *name, enum 
 enum error_code cia402_eds_write(const struct board_config *board, const char *name,
                                  struct arena *arena, FILE *out, struct error *error)
 {
-    struct board *made = cia402_make_board(board, arena);
+    const struct board_ops *ops = protocol_cia402.board[board->kind];
+    struct board *made = arena_alloc(arena, 1, ops->size);
     struct cia402_node *node;
 
     if (!made) {
@@ -785,6 +793,7 @@ enum error_code cia402_eds_write(const struct board_config *board, const char *n
 
     /* Create a node with factory values that is on no bus */
     node = cia402_node_of(made);
+    made->ops = ops;
     made->config = *board;
     made->address = board->address;
     node->axes = board_config_axes(board);

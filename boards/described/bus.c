@@ -368,24 +368,22 @@ void described_bus_forget_counts(struct described_bus *bus, const struct describ
 }
 
 /* Adds a board to the bus. The axes of a motor board take the next slots (struct protocol). */
-static void described_bus_add_board(struct board_bus *bus, struct board *board)
+static bool described_bus_add_board(struct board_bus *bus, struct board *board, struct arena *arena)
 {
     struct described_bus *described = described_bus_of(bus);
 
+    (void)arena;
     for (unsigned i = 0; i < board_config_axes(&board->config); i++) {
         described->slot[described->slots++] =
             (struct described_slot){.node = described_node_of(board), .axis = i};
     }
+    return true;
 }
 
-static const struct board_bus_ops described_bus_ops = {
+const struct board_bus_ops described_bus_ops = {
+    .size = sizeof(struct described_bus),
     .add_board = described_bus_add_board,
     .remote = true,
     .extended = true,
     .receive = described_bus_receive,
 };
-
-struct board_bus *described_bus_create(struct arena *arena)
-{
-    return board_bus_create(arena, sizeof(struct described_bus), &described_bus_ops);
-}

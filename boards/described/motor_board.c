@@ -682,6 +682,7 @@ static void described_motor_shut_down(struct board *board)
 }
 
 const struct board_ops described_motor_ops = {
+    .size = sizeof(struct described_node),
     .identity = {.type = 2, .major = 1},
     .periodic_max = DESCRIBED_FRAMES_MAX * DESCRIBED_AXES,
     .power_up = described_motor_power_up,

@@ -140,7 +140,7 @@ void described_node_set_period(struct described_node *node, int64_t period_ms);
 /* ---- for protocol.c ---- */
 
 /* Creates a bus; NULL = out of memory. Not RT-safe. */
-struct board_bus *described_bus_create(struct arena *arena);
+extern const struct board_bus_ops described_bus_ops;
 
 extern const struct board_ops described_motor_ops, described_ft_ops, described_inertial_ops;
 

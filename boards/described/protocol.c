@@ -222,15 +222,6 @@ static void described_note_field(const struct message *message, size_t field, ch
 
 /* ---- the module ---- */
 
-/* Creates a board by its kind (struct protocol). */
-static struct board *described_make_board(const struct board_config *config, struct arena *arena)
-{
-    return board_create(arena, sizeof(struct described_node),
-                        config->kind == BOARD_MOTOR      ? &described_motor_ops
-                        : config->kind == BOARD_INERTIAL ? &described_inertial_ops
-                                                         : &described_ft_ops);
-}
-
 /* Returns whether a frame of the protocol uses an identifier (struct protocol). */
 static bool described_claims_id(const struct boards_bus_config *bus, uint32_t id, char *text,
                                 size_t size)
@@ -326,7 +317,10 @@ static const char *described_law_name(uint32_t law)
 #define DESCRIBED                                                                                  \
     .motor_address_max = DESCRIBED_ADDRESS_MAX, .address_max = DESCRIBED_ADDRESS_MAX,              \
     .axes_max = DESCRIBED_AXES, .slots_max = DESCRIBED_SLOTS, .canfd = true,                       \
-    .make_bus = described_bus_create, .make_board = described_make_board,                          \
+    .bus = &described_bus_ops,                                                                     \
+    .board = {[BOARD_MOTOR] = &described_motor_ops,                                                \
+              [BOARD_FT] = &described_ft_ops,                                                      \
+              [BOARD_INERTIAL] = &described_inertial_ops},                                         \
     .visit_broadcasts = described_visit_broadcasts, .visit_board = described_visit_board,          \
     .comment_message = described_comment_message, .note_field = described_note_field,              \
     .claims_id = described_claims_id, .mode_name = described_law_name,                             \

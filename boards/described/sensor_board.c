@@ -94,6 +94,7 @@ static void described_inertial_sample(struct board *board, const struct plant_se
 }
 
 const struct board_ops described_ft_ops = {
+    .size = sizeof(struct described_node),
     .identity = {.type = 3, .major = 1},
     .periodic_max = DESCRIBED_FRAMES_MAX,
     .power_up = described_sensor_power_up,
@@ -102,6 +103,7 @@ const struct board_ops described_ft_ops = {
 };
 
 const struct board_ops described_inertial_ops = {
+    .size = sizeof(struct described_node),
     .identity = {.type = 4, .major = 1},
     .periodic_max = DESCRIBED_FRAMES_MAX,
     .power_up = described_sensor_power_up,

@@ -734,9 +734,10 @@ static void foc_board_transmit(struct board *board, struct ms_span span, struct 
     }
 }
 
-static const struct icub_board_ops foc_icub_ops = {
+const struct icub_board_ops foc_icub_ops = {
     .base =
         {
+            .size = sizeof(struct foc_board),
             .identity = {.type = FOC_BOARD_2FOC, .major = 3, .minor = 6, .build = 31},
             .periodic_max = 2 * FOC_ANSWERS_MAX + 1,
             .turns_field = true,
@@ -757,8 +758,3 @@ static const struct icub_board_ops foc_icub_ops = {
     .command = foc_board_command,
     .targets = foc_board_targets,
 };
-
-struct board *foc_board_create(struct arena *arena)
-{
-    return board_create(arena, sizeof(struct foc_board), &foc_icub_ops.base);
-}

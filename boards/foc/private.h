@@ -93,6 +93,6 @@ static inline bool foc_runs(uint8_t mode)
            mode != ICUB_MODE_NOT_CONFIGURED;
 }
 
-struct board *foc_board_create(struct arena *arena);
+extern const struct icub_board_ops foc_icub_ops;
 
 #endif

@@ -8,14 +8,6 @@
 #include <math.h>
 #include <string.h>
 
-/* ---- boards ---- */
-
-/* Creates a board of the configured kind (struct protocol). */
-static struct board *foc_make_board(const struct board_config *config, struct arena *arena)
-{
-    return config->kind == BOARD_MOTOR ? foc_board_create(arena) : icub_make_sensor(config, arena);
-}
-
 /* ---- messages ---- */
 
 /* Returns the cycle of a class 1 frame. */
@@ -143,8 +135,11 @@ const struct protocol protocol_foc = {
     .external = true,
     /* assumed: no figure of the boards is published */
     .reply = {.delay_ns = 100000},
-    .make_bus = icub_bus_create,
-    .make_board = foc_make_board,
+    .bus = &icub_bus_ops,
+    .board = {[BOARD_MOTOR] = &foc_icub_ops.base,
+              [BOARD_FT] = &ft_icub_ops.base,
+              [BOARD_TORQUE] = &torque_icub_ops.base,
+              [BOARD_INERTIAL] = &inertial_icub_ops.base},
     .firmware = icub_firmware,
     .visit_broadcasts = foc_visit_broadcasts,
     .visit_board = foc_visit_board,

@@ -393,21 +393,24 @@ static void icub_bus_receive(struct boards *boards, struct board_bus *bus,
     }
 }
 
-/* Adds a board to the bus and stores the board's name as its additional information. */
-static void icub_bus_add_board(struct board_bus *bus, struct board *board)
+/* Stores the name of a new board as its additional information. Allocates the memory for its
+ * firmware, if it keeps one. */
+static bool icub_bus_add_board(struct board_bus *bus, struct board *board, struct arena *arena)
 {
     struct icub_board *icub = icub_board_of(board);
+    uint16_t **image = &icub->loader.image;
 
     (void)bus;
     memcpy(icub->info, board->config.name, strnlen(board->config.name, sizeof icub->info));
+    if (board->config.kind != BOARD_MOTOR || !board->config.keep_firmware) {
+        return true;
+    }
+    *image = arena_alloc(arena, (size_t)ICUB_MEMORIES * ICUB_MEMORY_WORDS, sizeof **image);
+    return *image;
 }
 
-static const struct board_bus_ops icub_bus_ops = {
+const struct board_bus_ops icub_bus_ops = {
+    .size = sizeof(struct icub_bus),
     .add_board = icub_bus_add_board,
     .receive = icub_bus_receive,
 };
-
-struct board_bus *icub_bus_create(struct arena *arena)
-{
-    return board_bus_create(arena, sizeof(struct icub_bus), &icub_bus_ops);
-}

@@ -104,12 +104,8 @@ static inline const struct icub_board_ops *icub_ops_of(const struct icub_board *
     return container_of(board->board.ops, struct icub_board_ops, base);
 }
 
-/* Create a bus or a board; NULL = out of memory. Not RT-safe. The configuration must have been
- * checked. kind: BOARD_FT or BOARD_TORQUE. */
-struct board_bus *icub_bus_create(struct arena *arena);
-struct board *motor_board_create(struct arena *arena);
-struct board *strain_board_create(enum board_kind kind, struct arena *arena);
-struct board *inertial_board_create(struct arena *arena);
+extern const struct board_bus_ops icub_bus_ops;
+extern const struct icub_board_ops motor_icub_ops, ft_icub_ops, torque_icub_ops, inertial_icub_ops;
 
 /* Stores a STRAIN frame of six data bytes, so that motor boards on the bus can use its torques. */
 void icub_bus_hear_strain(struct board_bus *bus, uint8_t address, enum icub_analog_type type,

@@ -174,9 +174,10 @@ static void inertial_board_transmit(struct board *board, struct ms_span span,
     inertial->sequence++;
 }
 
-static const struct icub_board_ops inertial_icub_ops = {
+const struct icub_board_ops inertial_icub_ops = {
     .base =
         {
+            .size = sizeof(struct inertial_board),
             .identity = {.type = ICUB_BOARD_RFE, .major = 1, .minor = 0, .build = 1},
             .periodic_max = 8,
             .power_up = inertial_board_power_up,
@@ -189,8 +190,3 @@ static const struct icub_board_ops inertial_icub_ops = {
     .loader_type = ICUB_BOARD_RFE,
     .command = inertial_board_command,
 };
-
-struct board *inertial_board_create(struct arena *arena)
-{
-    return board_create(arena, sizeof(struct inertial_board), &inertial_icub_ops.base);
-}

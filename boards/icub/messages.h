@@ -43,8 +43,6 @@ void icub_visit_sensor_load(struct load_walk *walk, const struct board_config *b
 bool icub_claims_id(const struct boards_bus_config *bus, uint32_t id, char *text, size_t size);
 const char *icub_mode_name(uint32_t mode);
 
-/* Creates a STRAIN or an inertial board; NULL = out of memory. */
-struct board *icub_make_sensor(const struct board_config *config, struct arena *arena);
 bool icub_firmware(const struct board *board, struct board_firmware *firmware);
 
 #endif

@@ -643,9 +643,10 @@ static void motor_board_discovered(struct icub_board *icub)
     }
 }
 
-static const struct icub_board_ops motor_icub_ops = {
+const struct icub_board_ops motor_icub_ops = {
     .base =
         {
+            .size = sizeof(struct motor_board),
             .identity = {.type = ICUB_BOARD_BLL, .major = 2, .minor = 0x51, .build = 87},
             .periodic_max = 11,
             .power_up = motor_board_power_up,
@@ -665,8 +666,3 @@ static const struct icub_board_ops motor_icub_ops = {
     .command = motor_board_command,
     .discovered = motor_board_discovered,
 };
-
-struct board *motor_board_create(struct arena *arena)
-{
-    return board_create(arena, sizeof(struct motor_board), &motor_icub_ops.base);
-}

@@ -262,12 +262,6 @@ const char *icub_mode_name(uint32_t mode)
     return "unknown";
 }
 
-struct board *icub_make_sensor(const struct board_config *config, struct arena *arena)
-{
-    return config->kind == BOARD_INERTIAL ? inertial_board_create(arena)
-                                          : strain_board_create(config->kind, arena);
-}
-
 bool icub_firmware(const struct board *board, struct board_firmware *firmware)
 {
     const struct icub_loader *loader = &icub_board_of(board)->loader;
@@ -278,26 +272,6 @@ bool icub_firmware(const struct board *board, struct board_firmware *firmware)
 }
 
 /* The protocol icub of the BLL boards as a module (struct protocol). */
-
-/* ---- boards ---- */
-
-/* Creates a board of the configured kind (struct protocol). */
-static struct board *icub_make_board(const struct board_config *config, struct arena *arena)
-{
-    uint16_t **image;
-    struct board *board;
-
-    if (config->kind != BOARD_MOTOR) {
-        return icub_make_sensor(config, arena);
-    }
-    board = motor_board_create(arena);
-    if (!board || !config->keep_firmware) {
-        return board;
-    }
-    image = &icub_board_of(board)->loader.image;
-    *image = arena_alloc(arena, (size_t)ICUB_MEMORIES * ICUB_MEMORY_WORDS, sizeof **image);
-    return *image ? board : NULL;
-}
 
 /* ---- messages ---- */
 
@@ -406,8 +380,11 @@ const struct protocol protocol_icub = {
     .external = true,
     /* assumed: no figure of the boards is published */
     .reply = {.delay_ns = 100000},
-    .make_bus = icub_bus_create,
-    .make_board = icub_make_board,
+    .bus = &icub_bus_ops,
+    .board = {[BOARD_MOTOR] = &motor_icub_ops.base,
+              [BOARD_FT] = &ft_icub_ops.base,
+              [BOARD_TORQUE] = &torque_icub_ops.base,
+              [BOARD_INERTIAL] = &inertial_icub_ops.base},
     .firmware = icub_firmware,
     .visit_broadcasts = icub_visit_discovery,
     .visit_board = icub_visit_board,

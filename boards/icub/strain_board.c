@@ -483,7 +483,8 @@ static void strain_board_transmit(struct board *board, struct ms_span span, stru
 /* Functions that force-torque and pseudo-STRAIN boards share */
 #define STRAIN_BOARD(function)                                                                     \
     {                                                                                              \
-        .base = {.identity = {.type = ICUB_BOARD_STRAIN, .major = 3, .minor = 0, .build = 5},      \
+        .base = {.size = sizeof(struct strain_board),                                              \
+                 .identity = {.type = ICUB_BOARD_STRAIN, .major = 3, .minor = 0, .build = 5},      \
                  .periodic_max = 4,                                                                \
                  .power_up = strain_board_power_up,                                                \
                  .sample = function,                                                               \
@@ -494,11 +495,5 @@ static void strain_board_transmit(struct board *board, struct ms_span span, stru
         .command = strain_board_command                                                            \
     }
 
-struct board *strain_board_create(enum board_kind kind, struct arena *arena)
-{
-    static const struct icub_board_ops ft = STRAIN_BOARD(strain_board_sample_ft);
-    static const struct icub_board_ops torque = STRAIN_BOARD(strain_board_sample_torque);
-
-    return board_create(arena, sizeof(struct strain_board),
-                        kind == BOARD_FT ? &ft.base : &torque.base);
-}
+const struct icub_board_ops ft_icub_ops = STRAIN_BOARD(strain_board_sample_ft);
+const struct icub_board_ops torque_icub_ops = STRAIN_BOARD(strain_board_sample_torque);

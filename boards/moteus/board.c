@@ -446,7 +446,8 @@ static void moteus_transmit(struct board *board, struct ms_span span, struct fra
     board->lost_in_status = board->lost_in_overflow = false;
 }
 
-static const struct board_ops moteus_ops = {
+const struct board_ops moteus_ops = {
+    .size = sizeof(struct moteus_board),
     .identity = {.type = 2, .major = 1, .minor = 1},
     .turns_field = true,
     .power_up = moteus_power_up,
@@ -457,12 +458,6 @@ static const struct board_ops moteus_ops = {
     .axes = offsetof(struct moteus_board, axis),
     .axis_size = sizeof(struct axis),
 };
-
-struct board *moteus_make_board(const struct board_config *config, struct arena *arena)
-{
-    (void)config; /* all boards are of one kind */
-    return board_create(arena, sizeof(struct moteus_board), &moteus_ops);
-}
 
 /*
  * Executes the subframes of a frame in order: writes and reads of registers. An unreadable subframe
@@ -709,12 +704,8 @@ static void moteus_bus_receive(struct boards *boards, struct board_bus *bus,
     boards_count_frame(boards, listener, verdict, frame);
 }
 
-static const struct board_bus_ops moteus_bus_ops = {
+const struct board_bus_ops moteus_bus_ops = {
+    .size = sizeof(struct board_bus),
     .extended = true,
     .receive = moteus_bus_receive,
 };
-
-struct board_bus *moteus_bus_create(struct arena *arena)
-{
-    return board_bus_create(arena, sizeof(struct board_bus), &moteus_bus_ops);
-}

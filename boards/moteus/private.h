@@ -52,7 +52,7 @@ static inline enum moteus_mode moteus_mode(const struct moteus_board *moteus)
     return (enum moteus_mode)moteus->value[MOTEUS_R_MODE];
 }
 
-struct board_bus *moteus_bus_create(struct arena *arena);
-struct board *moteus_make_board(const struct board_config *config, struct arena *arena);
+extern const struct board_ops moteus_ops;
+extern const struct board_bus_ops moteus_bus_ops;
 
 #endif

@@ -115,8 +115,8 @@ const struct protocol protocol_moteus = {
     /* assumed; at most 0.4 ms with both frames and the host: 2.5 kHz with one controller and a
      * pi3hat, by its makers (blog.mjbots.com, "Capturing full rate debug data from moteus") */
     .reply = {.delay_ns = 100000},
-    .make_bus = moteus_bus_create,
-    .make_board = moteus_make_board,
+    .bus = &moteus_bus_ops,
+    .board = {[BOARD_MOTOR] = &moteus_ops},
     .no_valves = true,
     .visit_broadcasts = moteus_visit_broadcasts,
     .visit_board = moteus_visit_board,

@@ -28,7 +28,7 @@ TEST(each_has_what_everyone_asks_for)
     const struct protocol *p;
 
     for (size_t i = 0; (p = protocol_at(i)); i++) {
-        assert_true(p->make_bus && p->make_board && p->visit_broadcasts && p->visit_board);
+        assert_true(p->bus && p->board[BOARD_MOTOR] && p->visit_broadcasts && p->visit_board);
         assert_true(p->mode_name && p->fault_names && p->timeout_text && p->limit_text);
         assert_true(!p->sections || p->sections[0]);
         assert_in_range(strlen(p->summary), 20, 80);
