@@ -30,6 +30,7 @@ enum error_code rig_read_trajectory(const struct rig *rig, const char *path,
                                     struct error *error)
 {
     struct trajectory_limit *limit = arena_alloc(arena, rig->naxis, sizeof *limit);
+    struct csv *csv;
 
     if (!limit) {
         return error_set(error, ERROR_MEMORY, "no memory for a trajectory");
@@ -45,5 +46,7 @@ enum error_code rig_read_trajectory(const struct rig *rig, const char *path,
             .rate_rad_s = gains->kw_v_s_per_rad > 0 ? volts / gains->kw_v_s_per_rad : 0,
         };
     }
-    return trajectory_read(path, interpolation, limit, rig->naxis, arena, trajectory, error);
+    return csv_open(path, &csv, error)
+               ? error->code
+               : trajectory_read(csv, interpolation, limit, rig->naxis, arena, trajectory, error);
 }

@@ -2,7 +2,6 @@
 /* Reads a file with joint trajectories, checks the limits, and interpolates between rows. */
 #include "tasks/trajectory.h"
 
-#include "base/csv.h"
 #include "base/text.h"
 
 #include <math.h>
@@ -238,11 +237,10 @@ static enum error_code trajectory_keep(const struct reader *reader, struct arena
     return trajectory_check_rates(reader, t, error);
 }
 
-/* Reads a trajectory from an open file and closes it. */
-static enum error_code trajectory_take(struct csv *csv, enum trajectory_interpolation interpolation,
-                                       const struct trajectory_limit *limit, size_t nlimit,
-                                       struct arena *arena, const struct trajectory **out,
-                                       struct error *error)
+enum error_code trajectory_read(struct csv *csv, enum trajectory_interpolation interpolation,
+                                const struct trajectory_limit *limit, size_t nlimit,
+                                struct arena *arena, const struct trajectory **out,
+                                struct error *error)
 {
     struct reader *reader = calloc(1, sizeof *reader);
     enum error_code code;
@@ -270,31 +268,6 @@ static enum error_code trajectory_take(struct csv *csv, enum trajectory_interpol
     free(reader);
     csv_close(csv);
     return code;
-}
-
-enum error_code trajectory_read(const char *path, enum trajectory_interpolation interpolation,
-                                const struct trajectory_limit *limit, size_t nlimit,
-                                struct arena *arena, const struct trajectory **trajectory,
-                                struct error *error)
-{
-    struct csv *csv;
-    enum error_code code = csv_open(path, &csv, error);
-
-    return code ? code
-                : trajectory_take(csv, interpolation, limit, nlimit, arena, trajectory, error);
-}
-
-enum error_code trajectory_read_memory(const char *path, const void *bytes, size_t size,
-                                       enum trajectory_interpolation interpolation,
-                                       const struct trajectory_limit *limit, size_t nlimit,
-                                       struct arena *arena, const struct trajectory **trajectory,
-                                       struct error *error)
-{
-    struct csv *csv;
-    enum error_code code = csv_open_memory(path, bytes, size, &csv, error);
-
-    return code ? code
-                : trajectory_take(csv, interpolation, limit, nlimit, arena, trajectory, error);
 }
 
 double trajectory_length_s(const struct trajectory *t)

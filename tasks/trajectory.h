@@ -10,7 +10,7 @@
 #define TASKS_TRAJECTORY_H
 
 #include "base/arena.h"
-#include "base/error.h"
+#include "base/csv.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -34,21 +34,13 @@ struct trajectory {
     const double *slope;  /* rates at the rows, in the order of angle; NULL = linear */
 };
 
-/* Reads a file, and checks titles, times, angles, and rates between rows against the limits of the
- * robot's joints. Returns ERROR_INPUT with file:line, ERROR_SYSTEM or ERROR_MEMORY. The trajectory
- * is in the arena. path must outlive it. Not RT-safe. */
-enum error_code trajectory_read(const char *path, enum trajectory_interpolation interpolation,
+/* Reads an open file and closes it. Checks titles, times, angles, and rates between rows against
+ * the limits of the robot's joints. Returns ERROR_INPUT with file:line, ERROR_SYSTEM or
+ * ERROR_MEMORY. The trajectory is in the arena. The file's path must outlive it. Not RT-safe. */
+enum error_code trajectory_read(struct csv *csv, enum trajectory_interpolation interpolation,
                                 const struct trajectory_limit *limit, size_t nlimit,
                                 struct arena *arena, const struct trajectory **trajectory,
                                 struct error *error);
-
-/* Like trajectory_read, but reads `size` bytes of memory. Messages use `path` as the file's
- * name. */
-enum error_code trajectory_read_memory(const char *path, const void *bytes, size_t size,
-                                       enum trajectory_interpolation interpolation,
-                                       const struct trajectory_limit *limit, size_t nlimit,
-                                       struct arena *arena, const struct trajectory **trajectory,
-                                       struct error *error);
 
 /* Returns the duration of the trajectory, s. RT-safe. */
 double trajectory_length_s(const struct trajectory *trajectory);

@@ -37,9 +37,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     for (int k = TRAJECTORY_CUBIC; k <= TRAJECTORY_LINEAR; k++) {
         const struct trajectory *t = NULL;
         struct error error = {0};
+        struct csv *csv;
 
-        if (trajectory_read_memory("x.csv", data, size, (enum trajectory_interpolation)k, limits, 2,
-                                   fuzz_arena((size_t)16 << 20), &t, &error)) {
+        if (csv_open_memory("x.csv", data, size, &csv, &error) ||
+            trajectory_read(csv, (enum trajectory_interpolation)k, limits, 2,
+                            fuzz_arena((size_t)16 << 20), &t, &error)) {
             fuzz_require(error.code == ERROR_INPUT && strncmp(error.text, "x.csv:", 6) == 0 &&
                              fuzz_is_sentence(error.text) && strstr(error.text, "found"),
                          "%d: %s", (int)error.code, error.text);
