@@ -149,16 +149,6 @@ static enum error_code simulator_play_stimulus(struct simulator *simulator, stru
 
 /* ---- the robot ---- */
 
-/* Creates the contact engine that the rig names. */
-static enum error_code simulator_create_contact(struct simulator *simulator, struct error *error)
-{
-    const struct contact_config *config = &simulator->config.rig->contact;
-
-    return simulator->config.rig->contact_engine == RIG_CONTACT_NATIVE
-               ? contact_native_create(config, simulator->arena, &simulator->contact, error)
-               : contact_simbody_create(config, &simulator->contact, error);
-}
-
 /* Returns the clock by which the plant measures the time spent in its contact engine, ns. */
 static int64_t simulator_wall_time_ns(void *clock)
 {
@@ -219,7 +209,10 @@ static enum error_code simulator_create_plant(struct simulator *simulator, struc
                         &simulator->dynamics, &simulator->dynamics_notice, error);
 
     if (!code && rig->contact_engine != RIG_CONTACT_NONE) {
-        code = simulator_create_contact(simulator, error);
+        code =
+            rig->contact_engine == RIG_CONTACT_NATIVE
+                ? contact_native_create(&rig->contact, simulator->arena, &simulator->contact, error)
+                : contact_simbody_create(&rig->contact, &simulator->contact, error);
         config.contact = simulator->contact;
     }
     if (code) {

@@ -76,14 +76,6 @@ static size_t simulator_count_motors(const struct simulator *simulator, size_t *
     return driven;
 }
 
-/* Checks whether all driven motors are on. */
-static bool simulator_all_motors_on(const struct simulator *simulator)
-{
-    size_t on;
-
-    return simulator_count_motors(simulator, &on) == on;
-}
-
 /* Runs the boards' control, and sets the motion of external boards' rotors. */
 static void machine_control(void *context, int64_t now_ns)
 {
@@ -108,9 +100,12 @@ static void machine_control(void *context, int64_t now_ns)
     release->trips = counters.trips;
 
     /* Releases a clamped robot when all its motors are on; a settled robot BRAKE_NS later */
-    if (release->due && simulator_all_motors_on(simulator)) {
-        release->due = false;
-        release->at_ns = now_ns + (simulator->config.settle ? BRAKE_NS : 0);
+    if (release->due) {
+        const size_t driven = simulator_count_motors(simulator, &on);
+
+        release->due = driven != on;
+        release->at_ns =
+            driven != on ? release->at_ns : now_ns + (simulator->config.settle ? BRAKE_NS : 0);
     }
     if (release->at_ns >= 0 && now_ns >= release->at_ns) {
         plant_clamp(simulator->plant, false);

@@ -108,16 +108,6 @@ static void watch_joint_limit(struct watch *watch, int64_t now_ns, size_t j, dou
 
 /* ---- falls ---- */
 
-/* Returns the cosine of the angle between up and the base's axis that pointed up at the start. */
-static double base_uprightness(const struct watch *watch, const double quaternion[4])
-{
-    double R[9], axis[3];
-
-    mat3_from_quaternion(quaternion, R);
-    mat3_apply(R, watch->base_up, axis);
-    return vec3_dot(axis, watch->up);
-}
-
 /* Returns the height of the base above the lowest observed body, m. */
 static double base_height(const struct watch *watch, const double position[3])
 {
@@ -135,23 +125,6 @@ static double base_height(const struct watch *watch, const double position[3])
     return height;
 }
 
-/* Checks whether contact body c has contact, by its wrench. */
-static bool body_is_touched(const struct watch *watch, size_t c)
-{
-    const double *force = plant_contact_wrenches(watch->plant)[c].force;
-
-    return vec3_dot(force, force) > 0.0;
-}
-
-/* Returns the robot's body that has a surface; -1 = none: the world or a free body. */
-static int robot_body_of_surface(const struct watch *watch, int surface)
-{
-    int motion = watch->rig->contact.surface[surface].body;
-    int body = motion < 0 ? -1 : watch->rig->contact_body[motion];
-
-    return body < (int)watch->rig->robot->nbody ? body : -1;
-}
-
 /* Finds a body of the robot that touches the world and is neither the end of a limb nor a support.
  * In the first phase (standing), marks such bodies as supports instead. */
 static bool find_touching_body(struct watch *watch, bool standing, struct watch_event *event)
@@ -162,10 +135,13 @@ static bool find_touching_body(struct watch *watch, bool standing, struct watch_
     for (size_t i = 0; i < count && i < watch->npatch; i++) {
         const struct contact_pair *pair = &contact->pair[watch->patch[i].pair];
         int surface = contact->surface[pair->a].body < 0 ? pair->a : pair->b;
-        int body = robot_body_of_surface(watch, surface == pair->a ? pair->b : pair->a);
+        int motion = contact->surface[surface == pair->a ? pair->b : pair->a].body;
+        int body = motion < 0 ? -1 : watch->rig->contact_body[motion];
         const double *force = watch->patch[i].force;
 
-        if (contact->surface[surface].body >= 0 || body < 0 || watch->limb_end[body] ||
+        /* The other surface must be one of the robot, not of the world or of a free body */
+        if (contact->surface[surface].body >= 0 || body < 0 ||
+            body >= (int)watch->rig->robot->nbody || watch->limb_end[body] ||
             vec3_dot(force, force) == 0.0) {
             continue;
         }
@@ -188,10 +164,11 @@ static bool robot_touches_world(struct watch *watch, bool standing, struct watch
     const struct rig *rig = watch->rig;
 
     for (size_t c = 0; c < rig->contact.nbody; c++) {
+        const double *force = plant_contact_wrenches(watch->plant)[c].force;
         int body = rig->contact_body[c];
 
         if (body < (int)rig->robot->nbody && !watch->limb_end[body] && !watch->stands[body] &&
-            body_is_touched(watch, c)) {
+            vec3_dot(force, force) > 0.0) {
             return find_touching_body(watch, standing, event);
         }
     }
@@ -219,9 +196,14 @@ static void watch_fall(struct watch *watch, int64_t now_ns)
     struct watch_event event = {.time_ns = now_ns};
     size_t count;
     const double *base = plant_values(watch->plant, &count);
-    double upright = base_uprightness(watch, base + BASE_Q_QUATERNION);
     double height = base_height(watch, base + BASE_Q_POSITION);
+    double R[9], axis[3], upright;
     bool down;
+
+    /* upright: cosine of the angle between up and the base's axis that pointed up at the start */
+    mat3_from_quaternion(base + BASE_Q_QUATERNION, R);
+    mat3_apply(R, watch->base_up, axis);
+    upright = vec3_dot(axis, watch->up);
 
     /* Contact is detected first, then tilt, then height */
     down = robot_touches_world(watch, standing, &event);

@@ -96,30 +96,6 @@ static void scene_put_mesh(FILE *out, const struct contact_surface *surface,
 
 /* ---- surfaces ---- */
 
-/* Writes the sphere at a capsule's end; sign 1 or -1 along its axis. */
-static void scene_put_capsule_end(FILE *out, const struct contact_surface *s, double sign,
-                                  const struct scene_color *color)
-{
-    double size[3] = {2.0 * s->radius_m, 2.0 * s->radius_m, 2.0 * s->radius_m}, at[3];
-
-    for (int k = 0; k < 3; k++) {
-        at[k] = s->position[k] + sign * 0.5 * s->length_m * s->rotation[3 * k + 2];
-    }
-    scene_put_solid(out, at, s->rotation, size, color, false);
-}
-
-/* Writes the slab whose upper side is the half-space's plane. */
-static void scene_put_ground(FILE *out, const struct contact_surface *s)
-{
-    const double size[3] = {GROUND_M, GROUND_M, GROUND_DEPTH_M};
-    double middle[3];
-
-    for (int k = 0; k < 3; k++) {
-        middle[k] = s->position[k] - 0.5 * GROUND_DEPTH_M * s->rotation[3 * k + 2];
-    }
-    scene_put_solid(out, middle, s->rotation, size, &color_world, false);
-}
-
 /* Returns the number of primitives of a list in a surface. */
 static int surface_count_primitives(const struct contact_surface *s, enum scene_list list)
 {
@@ -184,23 +160,28 @@ static void scene_put_list(const struct scene_writer *w, int body, enum scene_li
             const struct scene_color *color = surface->body < 0                ? &color_world
                                               : surface->shape == CONTACT_MESH ? &color_sole
                                                                                : &color_body;
-            double size[3] = {2.0 * surface->radius_m, 2.0 * surface->radius_m, surface->length_m};
+            const double width = 2.0 * surface->radius_m;
+            double size[3] = {width, width, list == LIST_SPHERES ? width : surface->length_m};
+            double at[3], along = 0.0; /* distance of the middle along the surface's axis */
 
-            if (surface->shape == CONTACT_HALF_SPACE) {
-                scene_put_ground(w->out, surface);
-            } else if (surface->shape == CONTACT_MESH) {
-                scene_put_mesh(w->out, surface, color);
-            } else if (surface->shape == CONTACT_CAPSULE && list == LIST_SPHERES) {
-                scene_put_capsule_end(w->out, surface, i ? -1.0 : 1.0, color);
-            } else {
-                for (int k = 0; k < 3 && surface->shape == CONTACT_BOX; k++) {
-                    size[k] = 2.0 * surface->half_extent_m[k];
-                }
-                size[2] = surface->shape == CONTACT_SPHERE ? 2.0 * surface->radius_m : size[2];
-                scene_put_solid(w->out, surface->position, surface->rotation, size, color,
-                                list == LIST_CYLINDERS);
-            }
             separator = ",";
+            if (surface->shape == CONTACT_MESH) {
+                scene_put_mesh(w->out, surface, color);
+                continue;
+            }
+            if (surface->shape == CONTACT_HALF_SPACE) {
+                /* A slab whose upper side is the plane */
+                size[0] = size[1] = GROUND_M;
+                size[2] = GROUND_DEPTH_M;
+                along = -0.5 * GROUND_DEPTH_M;
+            } else if (surface->shape == CONTACT_CAPSULE && list == LIST_SPHERES) {
+                along = (i ? -0.5 : 0.5) * surface->length_m;
+            }
+            for (int k = 0; k < 3; k++) {
+                size[k] = surface->shape == CONTACT_BOX ? 2.0 * surface->half_extent_m[k] : size[k];
+                at[k] = surface->position[k] + along * surface->rotation[3 * k + 2];
+            }
+            scene_put_solid(w->out, at, surface->rotation, size, color, list == LIST_CYLINDERS);
         }
     }
     if (list == LIST_SPHERES && body >= 0 && !scene_body_has_surface(w->rig, body) &&

@@ -92,31 +92,6 @@ enum task_status task_runner_step(struct task_runner *runner, int64_t now_ns)
     return status;
 }
 
-/* Sleeps until the next deadline (real time). Skips missed deadlines without shifting the grid. */
-static void task_runner_wait_for_deadline(struct task_runner *runner, int64_t *deadline_ns)
-{
-    int64_t now = clock_now(runner->time);
-
-    *deadline_ns += runner->period_ns;
-    if (now > *deadline_ns) {
-        *deadline_ns += (now - *deadline_ns) / runner->period_ns * runner->period_ns;
-    }
-    clock_sleep_until(runner->time, *deadline_ns);
-}
-
-/* Returns the task's time: the clock's time minus the pauses in which the process was stopped. */
-static int64_t task_runner_time(const struct task_runner *runner, int64_t *last_ns,
-                                int64_t *paused_ns)
-{
-    int64_t now = clock_now(runner->time);
-
-    if (now - *last_ns > GAP_NS) {
-        *paused_ns += now - *last_ns - runner->period_ns;
-    }
-    *last_ns = now;
-    return now - *paused_ns;
-}
-
 enum task_status task_runner_run(struct task_runner *runner)
 {
     int64_t now = clock_now(runner->time), last = now, paused = 0;
@@ -139,9 +114,23 @@ enum task_status task_runner_run(struct task_runner *runner)
             }
             clock_wait_readable(runner->time, fds, count, clock_now(runner->time) + DONE_WAIT_NS);
         } else {
-            task_runner_wait_for_deadline(runner, &deadline);
+            /* Sleep until the next deadline (real time). Skip missed deadlines without shifting the
+             * grid. */
+            const int64_t before = clock_now(runner->time);
+
+            deadline += runner->period_ns;
+            if (before > deadline) {
+                deadline += (before - deadline) / runner->period_ns * runner->period_ns;
+            }
+            clock_sleep_until(runner->time, deadline);
         }
-        now = task_runner_time(runner, &last, &paused);
+        /* The task's time is the clock's time minus the pauses in which the process was stopped */
+        now = clock_now(runner->time);
+        if (now - last > GAP_NS) {
+            paused += now - last - runner->period_ns;
+        }
+        last = now;
+        now -= paused;
     }
     task_stop(runner->task);
     return status;
