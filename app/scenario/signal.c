@@ -12,7 +12,7 @@
 #include <string.h>
 
 /* Limits: parts of a signal's name, bytes of a part, and names of one kind in a rig. */
-enum { PARTS_MAX = 4, PART_SIZE = 64, NAMES_MAX = 128 };
+enum { PART_SIZE = 64, NAMES_MAX = 128 };
 
 /* ---- quantities ---- */
 

@@ -119,7 +119,7 @@ struct cia402_node {
     int64_t sdo_request, sdo_reply, storage;
 
     enum cia402_nmt_state state;
-    bool boot_up_due, reset_due;
+    bool boot_up_due;
     int64_t heartbeat_ns; /* time of the next heartbeat */
     bool guard_toggle, guarded, guard_lost;
     int64_t guard_ns; /* time of the last guarding frame */

@@ -91,8 +91,6 @@ enum foc_motor_flag {
     FOC_HAS_HALL = 1 << 1,
     FOC_HAS_TEMPERATURE = 1 << 2,
     FOC_HAS_INDEX = 1 << 3,
-    FOC_HAS_SPEED_QE = 1 << 4,
-    FOC_VERBOSE = 1 << 5,
 };
 
 /* SET_PID bytes 1 and 2; byte 3 unused; bytes 4-7 float32 */
@@ -119,9 +117,6 @@ enum foc_motor_parameter {
 
 /* STATUS byte 1 */
 enum foc_encoder_state {
-    FOC_QE_DIRTY = 1 << 0,
-    FOC_QE_STUCK = 1 << 1,
-    FOC_QE_INDEX_BROKEN = 1 << 2,
     FOC_QE_PHASE_BROKEN = 1 << 3,
     FOC_QE_NOT_CALIBRATED = 1 << 4,
 };
