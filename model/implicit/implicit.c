@@ -401,6 +401,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->p, im->na);
     TAKE(im->twist_point, ncontact);
     TAKE(im->twist_p, ncontact);
+    TAKE(im->held, ncontact);
     TAKE(im->twist_z, ncontact);
     TAKE(im->r, ncontact);
     TAKE(im->s, ncontact);

@@ -197,6 +197,10 @@ struct implicit {
     /* Accelerations and wrenches of the touched contact bodies, world frame, about their
      * origins */
     struct spatial *twist_point, *twist_p, *twist_z, *r, *s, *w;
+    /* -C a for the stage's last solution, from which its next solution starts; residual of the
+     * stage's first solution, 0 = none yet */
+    struct spatial *held;
+    double first_residual;
 
     /* Scratch, by body of the robot */
     struct wrench *ext;

@@ -41,16 +41,16 @@ static double inner_product(const struct implicit *im, const struct spatial *f,
     return sum;
 }
 
-/* Computes y = x + scale y over the touched contact bodies. */
-static void scale_and_add(const struct implicit *im, double scale, const struct spatial *x,
-                          struct spatial *y)
+/* Computes y = p x + q y over the touched contact bodies. */
+static void combine_spatial(const struct implicit *im, double p, const struct spatial *x, double q,
+                            struct spatial *y)
 {
     for (size_t t = 0; t < im->ntouched; t++) {
         int c = im->touched[t];
 
         for (int k = 0; k < 3; k++) {
-            y[c].a[k] = x[c].a[k] + scale * y[c].a[k];
-            y[c].l[k] = x[c].l[k] + scale * y[c].l[k];
+            y[c].a[k] = p * x[c].a[k] + q * y[c].a[k];
+            y[c].l[k] = p * x[c].l[k] + q * y[c].l[k];
         }
     }
 }
@@ -127,8 +127,8 @@ static void prepare_free_bodies(struct plant *plant)
 }
 
 /* Computes a = P^-1 (right-hand side + w), with wrenches w on the contact bodies. NULL: no
- * wrenches. The first call in a stage must pass NULL. */
-static void solve_uncoupled(struct plant *plant, const struct spatial *w, double *a)
+ * wrenches. is_new: P has changed since the last call. */
+static void solve_uncoupled(struct plant *plant, const struct spatial *w, bool is_new, double *a)
 {
     struct implicit *im = plant->implicit;
     const struct dynamics *dynamics = im->tree;
@@ -152,7 +152,7 @@ static void solve_uncoupled(struct plant *plant, const struct spatial *w, double
 
         /* Correct the accelerations for the joint couplings */
         if (plant->config.robot->ncoupling > 0) {
-            if (!w) {
+            if (is_new) {
                 const struct robot *robot = plant->config.robot;
 
                 /* Compute the change of the accelerations by a unit load on the joints. unit is 0
@@ -254,38 +254,42 @@ static void add_coupling(struct plant *plant, double scale, const struct spatial
 }
 
 /* Computes z = P^-1 r, and the accelerations of the contact bodies for z. Returns the product of z
- * and r. */
+ * and r. Uses w. */
 static double apply_preconditioner(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
 
-    /* Subtract the solution for the right-hand side alone */
-    solve_uncoupled(plant, im->r, im->z);
+    /* Subtract the solution for the right-hand side and the held wrenches */
+    memcpy(im->w, im->held, plant->config.ncontact * sizeof *im->w);
+    combine_spatial(im, 1.0, im->r, 1.0, im->w);
+    solve_uncoupled(plant, im->w, false, im->z);
     add_scaled(-1.0, im->uncoupled, im->z, im->na);
     implicit_contact_accelerations(plant, im->z, im->twist_z);
     return inner_product(im, im->r, im->twist_z);
 }
 
-/* Corrects im->a from the solution with P to the solution with P + C, by conjugate gradients.
- * Residuals, s = P p and w = (P + C) p are wrenches on the contact bodies, because C produces no
- * other loads. */
+/* Corrects im->a from the solution with P and the held wrenches to the solution with P + C, by
+ * conjugate gradients. Residuals, s = P p and w = (P + C) p are wrenches on the contact bodies,
+ * because C produces no other loads. Accuracy: relative to the stage's first residual. */
 static void solve_coupled(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
     const size_t bytes = plant->config.ncontact * sizeof *im->r;
-    double first, rz;
+    double rz;
 
-    /* Start with the solution of P, its residual -C a, and the first direction */
+    /* Start with the solution of P, its residual -C a - held, and the first direction */
     memcpy(im->uncoupled, im->a, im->na * sizeof *im->a);
     implicit_contact_accelerations(plant, im->a, im->twist_z);
     memset(im->r, 0, bytes);
     add_coupling(plant, -1.0, im->twist_z, im->r);
-    first = rz = apply_preconditioner(plant);
+    combine_spatial(im, -1.0, im->held, 1.0, im->r);
+    rz = apply_preconditioner(plant);
+    im->first_residual = im->first_residual > 0.0 ? im->first_residual : rz;
     memcpy(im->p, im->z, im->na * sizeof *im->p);
     memcpy(im->twist_p, im->twist_z, bytes);
     memcpy(im->s, im->r, bytes);
 
-    for (int step = 0; step < COUPLING_STEPS && rz > COUPLING_LEFT * first; step++) {
+    for (int step = 0; step < COUPLING_STEPS && rz > COUPLING_LEFT * im->first_residual; step++) {
         double length, last = rz;
 
         /* Move along p until the residual is orthogonal to p */
@@ -293,31 +297,32 @@ static void solve_coupled(struct plant *plant)
         add_coupling(plant, 1.0, im->twist_p, im->w);
         length = rz / inner_product(im, im->w, im->twist_p);
         add_scaled(length, im->p, im->a, im->na);
-        for (size_t t = 0; t < im->ntouched; t++) {
-            int c = im->touched[t];
-
-            for (int k = 0; k < 3; k++) {
-                im->r[c].a[k] -= length * im->w[c].a[k];
-                im->r[c].l[k] -= length * im->w[c].l[k];
-            }
-        }
+        combine_spatial(im, -length, im->w, 1.0, im->r);
 
         /* Compute the next direction, conjugate to all earlier directions */
         rz = apply_preconditioner(plant);
         for (size_t i = 0; i < im->na; i++) {
             im->p[i] = im->z[i] + rz / last * im->p[i];
         }
-        scale_and_add(im, rz / last, im->twist_z, im->twist_p);
-        scale_and_add(im, rz / last, im->r, im->s);
+        combine_spatial(im, 1.0, im->twist_z, rz / last, im->twist_p);
+        combine_spatial(im, 1.0, im->r, rz / last, im->s);
     }
 }
 
 void implicit_solve(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
+    const bool again = im->first_residual > 0.0; /* the stage has a solution */
 
     prepare_free_bodies(plant);
-    solve_uncoupled(plant, NULL, im->a);
+    if (im->coupled) {
+        memset(im->held, 0, plant->config.ncontact * sizeof *im->held);
+    }
+    if (again) {
+        implicit_contact_accelerations(plant, im->a, im->twist_z);
+        add_coupling(plant, -1.0, im->twist_z, im->held);
+    }
+    solve_uncoupled(plant, again ? im->held : NULL, true, im->a);
     if (im->coupled) {
         solve_coupled(plant);
     }

@@ -217,6 +217,7 @@ enum error_code implicit_solve_stage(struct plant *plant)
     implicit_add_contact_inertia(plant);
 
     /* Solve for the accelerations, then compute contact and rates at the stage */
+    im->first_residual = 0.0;
     implicit_solve(plant);
     while (!plant->clamped && (implicit_revise_stops(plant) || implicit_revise_effects(plant))) {
         implicit_solve(plant); /* terminates: each joint's stop changes at most twice */
