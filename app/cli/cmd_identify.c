@@ -31,12 +31,12 @@ static void stop_fit(int number)
 }
 
 /* Shows the progress: overwrites its line on a terminal, else writes a line. */
-static void show_progress(void *context, int step, double rms_rad)
+static void show_progress(void *context, int step, double rms, enum signal signal)
 {
     const bool *terminal = context;
 
-    fprintf(stderr, "%sidentify: step %d, RMS error %.5f rad%s", *terminal ? "\r" : "", step,
-            rms_rad, *terminal ? " " : "\n");
+    fprintf(stderr, "%sidentify: step %d, RMS error %.5f %s%s", *terminal ? "\r" : "", step, rms,
+            signal_kinds[signal].unit, *terminal ? " " : "\n");
 }
 
 /* Splits the keys of --free in place. Returns their number. */
@@ -59,10 +59,14 @@ static void print_identified(const struct identify_bench *bench, const struct fi
                              const struct identify_result *result)
 {
     const struct fit_result *fit = &result->fit;
+    const char *unit = signal_kinds[fit->first].unit;
 
     for (size_t i = 0; i < problem->nfree; i++) {
-        printf("%-24s %12.6g +- %-9.2g %s\n", parameter_key(problem->free[i].parameter),
-               fit->value[i], fit->sigma[i], word_of(fit_verdict_words, (int)fit->verdict[i]));
+        const char *group = problem->free[i].group;
+
+        printf("%-24s %12.6g +- %-9.2g %s%s%s\n", parameter_key(problem->free[i].parameter),
+               fit->value[i], fit->sigma[i], word_of(fit_verdict_words, (int)fit->verdict[i]),
+               group ? ", group " : "", group ? group : "");
     }
     for (size_t i = 0; i < problem->nfree; i++) {
         for (size_t k = 0; k < i; k++) {
@@ -74,17 +78,27 @@ static void print_identified(const struct identify_bench *bench, const struct fi
         }
     }
     for (size_t i = 0; i < bench->nrecording; i++) {
-        printf("%s: mean error %.4f rad, %.4f before", bench->recording[i].file, result->fitted[i],
+        const struct recording *r = &bench->recording[i];
+
+        printf("%s: mean error %.4f %s, %.4f before", r->file, result->fitted[i], unit,
                result->start[i]);
         if (result->crossed[i] >= 0.0) {
             printf(", %.4f by the folds without it", result->crossed[i]);
         }
-        puts(bench->recording[i].judge ? ", not fitted to" : "");
+        for (size_t s = 0; s < SIGNALS; s++) {
+            if (r->signal[s]) {
+                printf("; %s %.1f %% of RMS", signal_kinds[s].key,
+                       100.0 * simulation_compare(r->signal[s], result->simulated[i].signal[s],
+                                                  r->count)
+                                   .share);
+            }
+        }
+        puts(r->judge ? ", not fitted to" : "");
     }
-    printf("mean error %.4f rad", identify_mean(result->fitted, bench->nrecording));
+    printf("mean error %.4f %s", identify_mean(result->fitted, bench->nrecording), unit);
     if (result->nfold > 0) {
-        printf(", cross-validated %.4f rad over %zu folds",
-               identify_mean(result->crossed, bench->nrecording), result->nfold);
+        printf(", cross-validated %.4f %s over %zu folds",
+               identify_mean(result->crossed, bench->nrecording), unit, result->nfold);
     }
     printf("; %d simulations, %.1f s\n", fit->simulations, result->spent_s);
 }
@@ -106,7 +120,10 @@ static enum error_code open_bench(const struct identify_options *o, struct arena
     if (!code && o->recording.count > 0) {
         code = identify_take_files(bench, o->recording.item, o->recording.count, arena, error);
     }
-    if (!code && bench->nrecording == 0) {
+    if (!code && bench->missing && o->recording.count == 0) {
+        code = error_set(error, ERROR_INPUT, "%s: found no recordings, expected them: %.300s",
+                         bench->bench.name, bench->bench.obtain);
+    } else if (!code && bench->nrecording == 0) {
         code = error_set(error, ERROR_INPUT, "--recording: found none, expected one or more");
     }
     return code;
@@ -134,6 +151,7 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
                                    .law = &bench.bench.law,
                                    .recording = bench.recording,
                                    .nrecording = bench.nrecording,
+                                   .sigmas = &bench.bench.sigmas,
                                    .robust_rad = bench.bench.robust_rad,
                                    .steps = FIT_STEPS,
                                    .progress = show_progress,
@@ -235,12 +253,15 @@ struct validate_options {
 static void print_validation(const struct validation *v)
 {
     const struct bench *bench = &v->bench.bench;
-    const bool points = bench->npoint > 0;
-    const double scale = points ? 100.0 : 1.0,
-                 limit = points ? bench->limit_share : bench->limit_rad;
-    const char *unit = points ? "%" : "rad";
-    const int digits = points ? 1 : 4;
+    const double scale = v->is_share ? 100.0 : 1.0,
+                 limit = v->is_share ? bench->limit_share : bench->limit_rad;
+    const char *unit = validation_unit(v);
+    const int digits = v->is_share ? 1 : 4;
 
+    if (v->missing) {
+        printf("%-6s %-20s %s\n", validation_verdict(v), bench->name, bench->obtain);
+        return;
+    }
     printf("%-6s %-20s mean error %.*f %s", validation_verdict(v), bench->name, digits,
            scale * v->mean, unit);
     if (limit > 0.0) {
@@ -250,7 +271,7 @@ static void print_validation(const struct validation *v)
         const struct bench_published *one = &bench->published[i];
 
         printf("; %s %.*f", one->what, digits,
-               scale * (points ? one->error_share : one->error_rad));
+               scale * (v->is_share ? one->error_share : one->error_rad));
     }
     putchar('\n');
     for (size_t i = 0; i < v->bench.nrecording; i++) {
@@ -315,7 +336,8 @@ static enum error_code validate_all(const struct validate_options *o, struct are
         code = validation_run(path[i], arena, &validation[i], error);
         if (!code) {
             print_validation(&validation[i]);
-            *failed |= strcmp(validation_verdict(&validation[i]), "passed") != 0;
+            *failed |= strcmp(validation_verdict(&validation[i]), "passed") != 0 &&
+                       (o->bench[0] || !validation[i].missing);
         }
     }
     return !code && o->report ? validation_write_page(validation, count, o->report, error) : code;

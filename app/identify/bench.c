@@ -31,18 +31,44 @@ enum { RECORDING_BYTES_MAX = 1 << 28 };
 #define STRUCT bench_columns
 static const struct yaml_field column_fields[] = {
     TEXT("time", true, time),
-    TEXT("position", true, position),
+    TEXT("position", false, signal[SIGNAL_POSITION]),
+    TEXT("load_torque", false, signal[SIGNAL_LOAD_TORQUE]),
+    TEXT("deflection", false, signal[SIGNAL_DEFLECTION]),
+    TEXT("motor_position", false, signal[SIGNAL_MOTOR_POSITION]),
+    TEXT("current", false, signal[SIGNAL_CURRENT]),
+    TEXT("temperature", false, signal[SIGNAL_TEMPERATURE]),
     TEXT("goal", false, goal),
     TEXT("voltage", false, voltage),
     TEXT("enabled", false, enabled),
     TEXT("supply", false, supply),
     TEXT("gain", false, gain_word),
     TEXT("torque", false, torque),
-    TEXT("current", false, current),
     {"voltage_before", YAML_BOOL, false, .offset = AT(voltage_before)},
 };
 static const struct yaml_schema column_schema =
     YAML_SCHEMA("the columns of a recording", struct bench_columns, column_fields);
+#undef STRUCT
+
+const struct signal_kind signal_kinds[SIGNALS] = {
+    [SIGNAL_POSITION] = {"position", "rad"},
+    [SIGNAL_LOAD_TORQUE] = {"load_torque", "N m"},
+    [SIGNAL_DEFLECTION] = {"deflection", "rad"},
+    [SIGNAL_MOTOR_POSITION] = {"motor_position", "rad"},
+    [SIGNAL_CURRENT] = {"current", "A"},
+    [SIGNAL_TEMPERATURE] = {"temperature", "deg C"},
+};
+
+#define STRUCT bench_sigmas
+static const struct yaml_field sigma_fields[] = {
+    REAL("position", false, signal[SIGNAL_POSITION], DBL_MIN, 1e6),
+    REAL("load_torque", false, signal[SIGNAL_LOAD_TORQUE], DBL_MIN, 1e6),
+    REAL("deflection", false, signal[SIGNAL_DEFLECTION], DBL_MIN, 1e6),
+    REAL("motor_position", false, signal[SIGNAL_MOTOR_POSITION], DBL_MIN, 1e6),
+    REAL("current", false, signal[SIGNAL_CURRENT], DBL_MIN, 1e6),
+    REAL("temperature", false, signal[SIGNAL_TEMPERATURE], DBL_MIN, 1e6),
+};
+static const struct yaml_schema sigma_schema =
+    YAML_SCHEMA("the noise of the signals", struct bench_sigmas, sigma_fields);
 #undef STRUCT
 
 #define STRUCT bench_law
@@ -58,6 +84,7 @@ static const struct yaml_schema law_schema =
 #define STRUCT bench_free
 static const struct yaml_field free_fields[] = {
     TEXT("key", true, key),
+    TEXT("group", false, group),
     REAL("start", false, start, -1e9, 1e9),
     REAL("lower", false, lower, -1e9, 1e9),
     REAL("upper", false, upper, -1e9, 1e9),
@@ -68,11 +95,24 @@ static const struct yaml_schema free_schema =
     YAML_SCHEMA("a free number", struct bench_free, free_fields, .alone = "key");
 #undef STRUCT
 
+#define STRUCT bench_group_number
+static const struct yaml_field group_number_fields[] = {
+    TEXT("group", true, group),
+    TEXT("key", true, key),
+    REAL("value", true, value, -1e9, 1e9),
+};
+static const struct yaml_schema group_number_schema = YAML_SCHEMA(
+    "a number of a group of recordings", struct bench_group_number, group_number_fields);
+#undef STRUCT
+
+static const struct word zero_words[] = {{"mean", ZERO_MEAN}, {"start", ZERO_START}, {NULL, 0}};
+
 #define STRUCT bench_recording
 static const struct yaml_field recording_fields[] = {
     TEXT("file", true, file),
     TEXT("crc32", false, crc32),
     TEXT("group", false, group),
+    {"zero", YAML_ENUM, false, .offset = AT(zero), .names = zero_words},
     {"judge", YAML_BOOL, false, .offset = AT(judge)},
 };
 static const struct bench_recording recording_defaults = {.group = ""};
@@ -111,6 +151,9 @@ static const struct yaml_schema published_schema =
     YAML_SCHEMA("a published error", struct bench_published, published_fields);
 #undef STRUCT
 
+static const struct word output_words[] = {
+    {"free", OUTPUT_FREE}, {"locked", OUTPUT_LOCKED}, {"inertia", OUTPUT_INERTIA}, {NULL, 0}};
+
 #define STRUCT bench
 #define LIST(word, member, entry)                                                                  \
     {                                                                                              \
@@ -123,15 +166,21 @@ static const struct yaml_field bench_fields[] = {
     TEXT("source", true, source),
     TEXT("license", true, license),
     TEXT("supports", false, supports),
+    TEXT("obtain", false, obtain),
     TEXT("rig", false, rig),
     TEXT("drive", false, drive),
+    {"output", YAML_ENUM, false, .offset = AT(mount.output), .names = output_words},
+    REAL("output_kg_m2", false, mount.inertia_kg_m2, DBL_MIN, 1e6),
+    REAL("lock_nm_rad", false, mount.lock_nm_rad, DBL_MIN, 1e9),
     YAML_SECTION("columns", false, bench, columns, column_schema),
+    YAML_SECTION("sigmas", false, bench, sigmas, sigma_schema),
     YAML_SECTION("law", false, bench, law, law_schema),
     REAL("robust_rad", false, robust_rad, 0.0, 10.0),
     REAL("limit_rad", false, limit_rad, 0.0, 10.0),
     REAL("limit_share", false, limit_share, 0.0, 10.0),
     REAL("diagram_nm", false, diagram_nm, 0.0, 1e6),
     {.key = "numbers", .type = YAML_REAL_DICT, .offset = AT(number), .count_offset = AT(nnumber)},
+    LIST("group_numbers", group_number, group_number_schema),
     LIST("free", free, free_schema),
     LIST("recordings", recording, recording_schema),
     LIST("points", point, point_schema),
@@ -193,6 +242,17 @@ static enum error_code check_points(const struct bench *bench, struct error *err
     return code;
 }
 
+/* Returns the number of signals that have a column. */
+static size_t recording_columns(const struct bench_columns *columns)
+{
+    size_t count = 0;
+
+    for (size_t i = 0; i < SIGNALS; i++) {
+        count += columns->signal[i] != NULL;
+    }
+    return count;
+}
+
 /* Checks a bench of recordings. */
 static enum error_code check_recordings(const struct bench *bench, struct error *error)
 {
@@ -206,6 +266,18 @@ static enum error_code check_recordings(const struct bench *bench, struct error 
         return yaml_error(error, &bench->columns.mark,
                           "found none or several of the columns \"goal\", \"voltage\" and "
                           "\"torque\", expected one");
+    }
+    if (recording_columns(&bench->columns) == 0) {
+        return yaml_error(error, &bench->columns.mark,
+                          "found no column of a measured signal, expected \"position\", "
+                          "\"load_torque\" or another");
+    }
+    if ((bench->mount.output == OUTPUT_INERTIA || bench->mount.lock_nm_rad > 0.0) !=
+            (bench->mount.inertia_kg_m2 > 0.0) ||
+        (bench->mount.lock_nm_rad > 0.0 && bench->mount.output != OUTPUT_LOCKED)) {
+        return yaml_error(error, &bench->mark,
+                          "found keys that do not tell one output, expected \"output_kg_m2\" with "
+                          "\"output: inertia\", or with \"output: locked\" and \"lock_nm_rad\"");
     }
     if (bench->columns.goal && !(bench->law.duty_per_rad > 0.0)) {
         return yaml_error(error, &bench->columns.mark,
@@ -233,6 +305,19 @@ static enum error_code check_bench(struct bench *bench, struct error *error)
         if (find_number(&bench->number[i].mark, bench->number[i].name, &parameter, error)) {
             return ERROR_INPUT;
         }
+    }
+    for (size_t i = 0; i < bench->ngroup_number; i++) {
+        int parameter;
+
+        if (find_number(&bench->group_number[i].mark, bench->group_number[i].key, &parameter,
+                        error)) {
+            return ERROR_INPUT;
+        }
+    }
+    if (bench->ngroup_number > GROUP_NUMBERS_MAX) {
+        return yaml_error(error, &bench->group_number[GROUP_NUMBERS_MAX].mark,
+                          "found more than %d numbers of groups, expected fewer",
+                          GROUP_NUMBERS_MAX);
     }
     for (size_t i = 0; i < bench->nfree; i++) {
         struct bench_free *one = &bench->free[i];
@@ -272,13 +357,14 @@ enum error_code bench_of_own(const char *joint, struct arena *arena, struct benc
     *bench = (struct bench){
         .name = "own",
         .columns = {.time = "time_s",
-                    .position = arena_strdup(arena, title[0]),
+                    .signal = {[SIGNAL_POSITION] = arena_strdup(arena, title[0]),
+                               [SIGNAL_CURRENT] = arena_strdup(arena, title[2])},
                     .voltage = arena_strdup(arena, title[1]),
-                    .current = arena_strdup(arena, title[2]),
                     .voltage_before = true,
                     .current_is_optional = true},
     };
-    return bench->columns.position && bench->columns.voltage && bench->columns.current
+    return bench->columns.signal[SIGNAL_POSITION] && bench->columns.voltage &&
+                   bench->columns.signal[SIGNAL_CURRENT]
                ? ERROR_NONE
                : error_set(error, ERROR_MEMORY, "no memory for a bench");
 }
@@ -313,13 +399,12 @@ static size_t comment_size(const char *text)
 /* The columns to read, in the order of find_columns. */
 enum {
     COLUMN_TIME,
-    COLUMN_POSITION,
     COLUMN_GOAL,
     COLUMN_VOLTAGE,
     COLUMN_ENABLED,
     COLUMN_SUPPLY,
-    COLUMN_CURRENT,
-    COLUMNS
+    COLUMN_SIGNAL, /* SIGNALS of them */
+    COLUMNS = COLUMN_SIGNAL + SIGNALS
 };
 
 /* Finds the columns of a table by their titles. The index is -1 if the bench has no title for a
@@ -327,18 +412,18 @@ enum {
 static enum error_code find_columns(const struct bench_columns *columns, const struct csv *csv,
                                     int column[COLUMNS], struct error *error)
 {
-    const char *const title[COLUMNS] = {
-        columns->time,    columns->position,
-        columns->goal,    columns->voltage ? columns->voltage : columns->torque,
-        columns->enabled, columns->supply,
-        columns->current};
+    const char *title[COLUMNS] = {columns->time, columns->goal,
+                                  columns->voltage ? columns->voltage : columns->torque,
+                                  columns->enabled, columns->supply};
 
+    memcpy(title + COLUMN_SIGNAL, columns->signal, sizeof columns->signal);
     for (size_t i = 0; i < COLUMNS; i++) {
         column[i] = -1;
         for (size_t k = 0; title[i] && k < csv->ncolumn; k++) {
             column[i] = !strcmp(csv->title[k], title[i]) ? (int)k : column[i];
         }
-        if (title[i] && column[i] < 0 && !(i == COLUMN_CURRENT && columns->current_is_optional)) {
+        if (title[i] && column[i] < 0 &&
+            !(i == COLUMN_SIGNAL + SIGNAL_CURRENT && columns->current_is_optional)) {
             const char *near = text_nearest(title[i], csv->title, csv->ncolumn);
 
             return error_set(error, ERROR_INPUT, "%s:1: found no column \"%.80s\"%s%.80s%s%s",
@@ -368,11 +453,12 @@ static enum error_code read_rows(struct csv *csv, const int column[COLUMNS], siz
         const size_t i = r->count++;
 
         r->time[i] = csv->cell[column[COLUMN_TIME]];
-        r->position[i] = csv->cell[column[COLUMN_POSITION]];
         r->goal[i] = column[COLUMN_GOAL] < 0 ? 0.0 : csv->cell[column[COLUMN_GOAL]];
         r->voltage[i] = column[COLUMN_VOLTAGE] < 0 ? 0.0 : csv->cell[column[COLUMN_VOLTAGE]];
-        if (r->current) {
-            r->current[i] = csv->cell[column[COLUMN_CURRENT]];
+        for (size_t k = 0; k < SIGNALS; k++) {
+            if (r->signal[k]) {
+                r->signal[k][i] = csv->cell[column[COLUMN_SIGNAL + k]];
+            }
         }
         r->enabled[i] = column[COLUMN_ENABLED] < 0 || csv->cell[column[COLUMN_ENABLED]] > 0.5;
         supply += column[COLUMN_SUPPLY] < 0 ? 0.0 : csv->cell[column[COLUMN_SUPPLY]];
@@ -397,19 +483,57 @@ static enum error_code read_rows(struct csv *csv, const int column[COLUMNS], siz
     return code;
 }
 
-enum error_code recording_alloc(struct recording *r, size_t count, bool has_current,
+enum error_code recording_alloc(struct recording *r, size_t count, const bool has[SIGNALS],
                                 struct arena *arena, struct error *error)
 {
+    bool failed = false;
+
     r->time = arena_alloc(arena, count, sizeof *r->time);
-    r->position = arena_alloc(arena, count, sizeof *r->position);
     r->goal = arena_alloc(arena, count, sizeof *r->goal);
     r->voltage = arena_alloc(arena, count, sizeof *r->voltage);
     r->enabled = arena_alloc(arena, count, sizeof *r->enabled);
-    r->current = has_current ? arena_alloc(arena, count, sizeof *r->current) : NULL;
-    return r->file && r->time && r->position && r->goal && r->voltage && r->enabled &&
-                   (r->current || !has_current)
+    for (size_t i = 0; i < SIGNALS; i++) {
+        r->signal[i] = has[i] ? arena_alloc(arena, count, sizeof *r->signal[i]) : NULL;
+        failed |= has[i] && !r->signal[i];
+    }
+    return r->file && r->time && r->goal && r->voltage && r->enabled && !failed
                ? ERROR_NONE
                : error_set(error, ERROR_MEMORY, "no memory left for a recording");
+}
+
+void recording_take_zero(struct recording *r, enum bench_zero zero)
+{
+    double *value = r->signal[SIGNAL_LOAD_TORQUE], sum = 0.0;
+    size_t rows = 1;
+
+    if (!value || zero == ZERO_NONE) {
+        return;
+    }
+    while (rows < r->count && (zero == ZERO_MEAN || (r->voltage[rows] == r->voltage[0] &&
+                                                     r->goal[rows] == r->goal[0]))) {
+        rows++;
+    }
+    for (size_t i = 0; i < rows; i++) {
+        sum += value[i];
+    }
+    for (size_t i = 0; i < r->count; i++) {
+        value[i] -= sum / (double)rows;
+    }
+}
+
+const double *recording_command(const struct recording *recording, const struct bench_law *law)
+{
+    return law->duty_per_rad > 0.0 ? recording->goal : recording->voltage;
+}
+
+enum signal recording_first(const struct recording *recording)
+{
+    size_t first = 0;
+
+    while (first + 1 < SIGNALS && !recording->signal[first]) {
+        first++;
+    }
+    return (enum signal)first;
 }
 
 /* Reads a recording from the text of its file. */
@@ -420,6 +544,7 @@ static enum error_code read_table(const struct bench *bench, const char *path, c
     const size_t comments = comment_size(text);
     struct csv *csv;
     int column[COLUMNS];
+    bool has[SIGNALS];
     size_t most = 0;
     enum error_code code;
 
@@ -430,7 +555,10 @@ static enum error_code read_table(const struct bench *bench, const char *path, c
         return code;
     }
     code = find_columns(&bench->columns, csv, column, error);
-    code = code ? code : recording_alloc(r, most + 1, column[COLUMN_CURRENT] >= 0, arena, error);
+    for (size_t i = 0; i < SIGNALS; i++) {
+        has[i] = !code && column[COLUMN_SIGNAL + i] >= 0;
+    }
+    code = code ? code : recording_alloc(r, most + 1, has, arena, error);
     code = code ? code : read_rows(csv, column, most + 1, r, error);
     csv_close(csv);
     return code;

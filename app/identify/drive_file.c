@@ -21,17 +21,22 @@ static void write_head(const struct identify_bench *bench, const struct fit_prob
         if (!bench->recording[i].judge) {
             const char *slash = strrchr(bench->recording[i].file, '/');
 
-            fprintf(out, "#   %-44s mean error %.4f rad\n",
-                    slash ? slash + 1 : bench->recording[i].file, result->fitted[i]);
+            fprintf(out, "#   %-44s mean error %.4f %s\n",
+                    slash ? slash + 1 : bench->recording[i].file, result->fitted[i],
+                    signal_kinds[result->fit.first].unit);
         }
     }
     if (crossed >= 0.0) {
-        fprintf(out, "# Cross-validated over %zu folds: %.4f rad.\n", result->nfold, crossed);
+        fprintf(out, "# Cross-validated over %zu folds: %.4f %s.\n", result->nfold, crossed,
+                signal_kinds[result->fit.first].unit);
     }
     for (size_t i = 0; i < problem->nfree; i++) {
         const char *key = parameter_key(problem->free[i].parameter);
 
-        if (!parameter_is_written(&result->fit.trial, problem->free[i].parameter)) {
+        if (problem->free[i].group) {
+            fprintf(out, "# Of the recordings of group %s: %s %.6g.\n", problem->free[i].group, key,
+                    result->fit.value[i]);
+        } else if (!parameter_is_written(&result->fit.trial, problem->free[i].parameter)) {
             fprintf(out, "# Of the bench, no number of the drive: %s %.6g.\n", key,
                     result->fit.value[i]);
         }
@@ -47,7 +52,7 @@ static void write_head(const struct identify_bench *bench, const struct fit_prob
 static int find_free(const struct fit_problem *problem, int parameter)
 {
     for (size_t i = 0; i < problem->nfree; i++) {
-        if (problem->free[i].parameter == parameter) {
+        if (problem->free[i].parameter == parameter && !problem->free[i].group) {
             return (int)i;
         }
     }

@@ -39,12 +39,14 @@ const struct word fit_verdict_words[] = {{"known", FIT_KNOWN},
 /* A running fit. */
 struct fit {
     const struct fit_problem *problem;
-    size_t first[1024];  /* first residual of each recording: its angles, then its currents */
-    size_t nrow, nangle; /* number of residuals of recordings, and of those that are angles */
-    size_t m;            /* number of residuals, priors included */
-    double level;        /* error of one independent measurement, rad, which scales the priors */
-    double ampere;       /* weight of a current, rad/A */
-    double *work;        /* residuals for nfree + 1 sets of variables, m each */
+    size_t first[1024]; /* first residual of each recording: one signal after the other */
+    size_t nrow;        /* number of residuals of recordings */
+    size_t m;           /* number of residuals, priors included */
+    enum signal judge;  /* first measured signal; residuals have its unit */
+    size_t nsignal;     /* number of measured signals */
+    double level;       /* error of one independent measurement, which scales the priors */
+    double weight[SIGNALS];
+    double *work; /* residuals for nfree + 1 sets of variables, m each */
     atomic_int simulations;
     int step;
     struct error *error;
@@ -90,12 +92,21 @@ static void set_variables(const struct fit_problem *problem, const double *u,
     int parameter[IDENTIFY_FREE_MAX];
     double value[IDENTIFY_FREE_MAX];
 
+    size_t count = 0;
+
     *trial = *problem->trial;
     for (size_t i = 0; i < problem->nfree; i++) {
-        parameter[i] = problem->free[i].parameter;
-        value[i] = fit_value(&problem->free[i], u[i]);
+        const struct fit_free *free = &problem->free[i];
+
+        if (free->group) {
+            parameter_set_group(
+                trial, &(struct group_number){free->group, free->parameter, fit_value(free, u[i])});
+        } else {
+            parameter[count] = free->parameter;
+            value[count++] = fit_value(free, u[i]);
+        }
     }
-    parameter_set(trial, parameter, value, problem->nfree);
+    parameter_set(trial, parameter, value, count);
 }
 
 /* ---- residuals ---- */
@@ -115,16 +126,23 @@ static enum error_code residuals_of(struct fit *fit, size_t recording, const dou
 {
     const struct fit_problem *problem = fit->problem;
     const struct recording *r = &problem->recording[recording];
-    struct simulated simulated = {.position = out, .current = r->current ? out + r->count : NULL};
+    struct simulated simulated = {.diverged = false};
     struct trial_robot trial;
     enum error_code code;
 
+    for (size_t s = 0; s < SIGNALS; s++) {
+        simulated.signal[s] = r->signal[s] ? out : NULL;
+        out += r->signal[s] ? r->count : 0;
+    }
     set_variables(problem, u, &trial);
     code = simulate_recording(problem->rig, &trial, problem->law, r, &simulated, error);
-    for (size_t i = 0; i < r->count && !code; i++) {
-        out[i] = soften_error(out[i] - r->position[i], problem->robust_rad);
-        if (r->current) {
-            simulated.current[i] = fit->ampere * (simulated.current[i] - r->current[i]);
+    for (size_t s = 0; s < SIGNALS && !code; s++) {
+        double *value = simulated.signal[s];
+
+        for (size_t i = 0; i < r->count && value; i++) {
+            value[i] = fit->weight[s] * (value[i] - r->signal[s][i]);
+            value[i] =
+                s == SIGNAL_POSITION ? soften_error(value[i], problem->robust_rad) : value[i];
         }
     }
     atomic_fetch_add(&fit->simulations, 1);
@@ -206,27 +224,26 @@ static void run_batch(struct fit *fit, const double *u, size_t nset, double *out
 
 /* ---- the solver's view ---- */
 
-/* Returns the root mean square of the angle residuals, rad. *current receives the root mean square
- * of the weighted current residuals, rad; it may be NULL. */
-static double rms_of(const struct fit *fit, const double *residual, double *current)
+/* Computes the root mean square of the weighted residuals of each signal; 0 = not measured. */
+static void find_rms(const struct fit *fit, const double *residual, double rms[SIGNALS])
 {
-    double sum[2] = {0.0, 0.0};
+    double count[SIGNALS] = {0.0};
 
+    memset(rms, 0, SIGNALS * sizeof *rms);
     for (size_t r = 0; r < fit->problem->nrecording; r++) {
         const struct recording *recording = &fit->problem->recording[r];
         const double *x = residual + fit->first[r];
 
-        for (size_t i = 0; i < recording->count && is_used(fit->problem, r); i++) {
-            sum[0] += x[i] * x[i];
-            if (recording->current) {
-                sum[1] += x[recording->count + i] * x[recording->count + i];
+        for (size_t s = 0; s < SIGNALS && is_used(fit->problem, r); s++) {
+            for (size_t i = 0; i < recording->count && recording->signal[s]; i++, x++) {
+                rms[s] += *x * *x;
+                count[s] += 1.0;
             }
         }
     }
-    if (current) {
-        *current = fit->nrow > fit->nangle ? sqrt(sum[1] / (double)(fit->nrow - fit->nangle)) : 0.0;
+    for (size_t s = 0; s < SIGNALS; s++) {
+        rms[s] = count[s] > 0.0 ? sqrt(rms[s] / count[s]) : 0.0;
     }
-    return sqrt(sum[0] / (double)fit->nangle);
 }
 
 /* Callback of the solver: computes the residuals (flag 1), or the Jacobian by forward differences
@@ -250,7 +267,10 @@ static int fit_evaluate(void *context, int m, int n, const double *u, double *re
         set[i * n + i] += u[i] > 0.0 ? -DIFFERENCE : DIFFERENCE;
     }
     if (fit->problem->progress) {
-        fit->problem->progress(fit->problem->context, ++fit->step, rms_of(fit, residual, NULL));
+        double rms[SIGNALS];
+
+        find_rms(fit, residual, rms);
+        fit->problem->progress(fit->problem->context, ++fit->step, rms[fit->judge], fit->judge);
     }
     run_batch(fit, set, (size_t)n, fit->work);
     for (int i = 0; i < n && !fit->code; i++) {
@@ -267,7 +287,7 @@ static int fit_evaluate(void *context, int m, int n, const double *u, double *re
 /* ---- what the fit tells ---- */
 
 /* Returns the number of rows that count as one independent measurement: 1 + 2 times the sum of the
- * residuals' autocorrelation up to its first zero, over the angles of all recordings. */
+ * residuals' autocorrelation up to its first zero, over the first signals of all recordings. */
 static double find_coherence(const struct fit *fit, const double *residual)
 {
     double sum = 0.0, all = 0.0;
@@ -398,28 +418,34 @@ static void find_covariance(struct fit *fit, const double *u, double *residual, 
 }
 
 /* Computes rms and coherence of the residuals, and the error of an independent measurement. Gives
- * angles and currents the weights of their own errors, if reweight is set. */
+ * each signal the weight of its own error, if reweight is set and the bench states no sigmas. */
 static void weigh_residuals(struct fit *fit, const double *residual, bool reweight,
                             struct fit_result *result)
 {
-    double current;
+    const struct bench_sigmas *sigmas = fit->problem->sigmas;
+    double rms[SIGNALS];
 
-    result->rms_rad = rms_of(fit, residual, &current);
-    result->rms_a = current / fit->ampere;
+    find_rms(fit, residual, rms);
+    result->first = fit->judge;
     result->coherence = find_coherence(fit, residual);
-    fit->level = result->rms_rad * sqrt(result->coherence);
-    if (reweight && result->rms_a > 0.0 && result->rms_rad > 0.0) {
-        fit->ampere = result->rms_rad / result->rms_a;
+    fit->level = rms[fit->judge] * sqrt(result->coherence);
+    for (size_t s = 0; s < SIGNALS; s++) {
+        result->rms[s] = rms[s] / fit->weight[s];
+        if (s != fit->judge && sigmas && sigmas->signal[s] * sigmas->signal[fit->judge] > 0.0) {
+            fit->weight[s] = sigmas->signal[fit->judge] / sigmas->signal[s];
+        } else if (s != fit->judge && reweight && rms[s] * rms[fit->judge] > 0.0) {
+            fit->weight[s] = rms[fit->judge] / result->rms[s];
+        }
     }
 }
 
-/* Runs the solver. With priors or currents it runs twice, because they are weighted by the errors
- * of the first run. */
+/* Runs the solver. With priors or several signals it runs twice, because they are weighted by the
+ * errors of the first run. */
 static enum error_code run_solver(struct fit *fit, double *u, double *residual, double *jacobian,
                                   double *last, struct fit_result *result)
 {
     const int n = (int)fit->problem->nfree, m = (int)fit->m;
-    const int rounds = fit->m > fit->nangle ? 2 : 1;
+    const int rounds = fit->m > fit->nrow || fit->nsignal > 1 ? 2 : 1;
     double diagonal[IDENTIFY_FREE_MAX], qtf[IDENTIFY_FREE_MAX], work[3][IDENTIFY_FREE_MAX];
     int pivot[IDENTIFY_FREE_MAX], evaluations, jacobians;
 
@@ -448,7 +474,8 @@ static enum error_code run_solver(struct fit *fit, double *u, double *residual, 
 enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *result,
                           struct error *error)
 {
-    struct fit fit = {.problem = problem, .error = error, .ampere = 1.0};
+    struct fit fit = {.problem = problem, .error = error, .judge = SIGNALS};
+    bool measured[SIGNALS] = {false};
     double u[IDENTIFY_FREE_MAX], *memory;
     enum error_code code;
 
@@ -465,9 +492,16 @@ enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *
     for (size_t r = 0; r < problem->nrecording; r++) {
         fit.first[r] = fit.nrow;
         if (is_used(problem, r)) {
-            fit.nangle += problem->recording[r].count;
-            fit.nrow += problem->recording[r].count * (problem->recording[r].current ? 2 : 1);
+            for (size_t s = 0; s < SIGNALS; s++) {
+                measured[s] |= problem->recording[r].signal[s] != NULL;
+                fit.nrow += problem->recording[r].signal[s] ? problem->recording[r].count : 0;
+            }
         }
+    }
+    for (size_t s = SIGNALS; s-- > 0;) {
+        fit.weight[s] = 1.0;
+        fit.judge = measured[s] ? (enum signal)s : fit.judge;
+        fit.nsignal += measured[s];
     }
     fit.m = fit.nrow;
     for (size_t i = 0; i < problem->nfree; i++) {
@@ -499,6 +533,7 @@ static void prepare_free(const struct fit_problem *problem, const struct bench_f
     const int parameter = given->parameter;
 
     *free = (struct fit_free){.parameter = parameter,
+                              .group = given->group,
                               .start = yaml_has(&given->mark, "start")
                                            ? given->start
                                            : parameter_get(problem->trial, parameter),
@@ -509,19 +544,26 @@ static void prepare_free(const struct fit_problem *problem, const struct bench_f
     free->upper = yaml_has(&given->mark, "upper") ? given->upper : free->upper;
 }
 
+/* Returns whether both texts are NULL, or equal. */
+static bool same_text(const char *a, const char *b)
+{
+    return a && b ? strcmp(a, b) == 0 : a == b;
+}
+
 enum error_code fit_prepare(const struct bench *bench, const char *const *key, size_t nkey,
                             struct fit_problem *problem, struct error *error)
 {
     problem->nfree = 0;
     for (size_t i = 0; i < (nkey ? nkey : bench->nfree); i++) {
-        struct bench_free one = {.key = nkey ? key[i] : bench->free[i].key};
+        struct bench_free one = nkey ? (struct bench_free){.key = key[i]} : bench->free[i];
         struct fit_free *free;
 
         if (parameter_check(one.key, &one.parameter, error)) {
             return ERROR_INPUT;
         }
         for (size_t k = 0; k < problem->nfree; k++) {
-            if (problem->free[k].parameter == one.parameter) {
+            if (problem->free[k].parameter == one.parameter &&
+                same_text(problem->free[k].group, one.group)) {
                 return error_set(error, ERROR_INPUT, "found \"%.63s\" again, expected it once",
                                  one.key);
             }
@@ -531,8 +573,8 @@ enum error_code fit_prepare(const struct bench *bench, const char *const *key, s
                              "found \"%.63s\" behind %d numbers, expected no more", one.key,
                              IDENTIFY_FREE_MAX);
         }
-        for (size_t k = 0; k < bench->nfree; k++) {
-            if (bench->free[k].parameter == one.parameter) {
+        for (size_t k = 0; k < bench->nfree && nkey; k++) {
+            if (bench->free[k].parameter == one.parameter && !bench->free[k].group) {
                 one = bench->free[k];
             }
         }

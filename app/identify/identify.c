@@ -3,10 +3,13 @@
 
 #include "app/identify/identify.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <time.h>
+#include <unistd.h>
 
 /* Largest span of the angles in a recording, as a multiple of the joint's range, because end stops
  * yield. */
@@ -24,6 +27,13 @@ static void set_numbers(struct identify_bench *bench)
 
         parameter_set(&bench->trial, &parameter, &bench->bench.number[i].value, 1);
     }
+    for (size_t i = 0; i < bench->bench.ngroup_number; i++) {
+        const struct bench_group_number *of = &bench->bench.group_number[i];
+
+        parameter_set_group(&bench->trial,
+                            &(struct group_number){of->group, parameter_find(of->key), of->value});
+    }
+    bench->trial.mount = bench->bench.mount;
 }
 
 /* Loads a catalogue drive for a bench of points. */
@@ -70,11 +80,12 @@ static enum error_code load_bench_rig(const char *path, struct arena *arena,
 static enum error_code check_angles(const struct robot_joint *joint, const char *path,
                                     const struct recording *recording, struct error *error)
 {
-    double least = recording->position[0], greatest = least;
+    const double *position = recording->signal[SIGNAL_POSITION];
+    double least = position ? position[0] : 0.0, greatest = least;
 
-    for (size_t i = 1; i < recording->count; i++) {
-        least = fmin(least, recording->position[i]);
-        greatest = fmax(greatest, recording->position[i]);
+    for (size_t i = 1; i < recording->count && position; i++) {
+        least = fmin(least, position[i]);
+        greatest = fmax(greatest, position[i]);
     }
     if (greatest - least <= RANGES_MAX * (joint->upper - joint->lower)) {
         return ERROR_NONE;
@@ -109,6 +120,24 @@ static enum error_code read_recording(const struct identify_bench *bench, const 
     return code;
 }
 
+/* Finds the file of a recording. */
+static enum error_code find_recording(const struct identify_bench *bench,
+                                      const struct bench_recording *one, struct arena *arena,
+                                      const char **path, struct error *error)
+{
+    const char *folder = bench->bench.obtain ? getenv("COMAN_HIL_DATA") : NULL,
+               *slash = strrchr(one->file, '/');
+    char there[PATH_MAX];
+
+    if (!folder) {
+        return yaml_resolve_path(yaml_place(&one->mark, "file"), one->file, arena, path, error);
+    }
+    snprintf(there, sizeof there, "%.2000s/%.200s/%.1000s", folder, bench->bench.name,
+             slash ? slash + 1 : one->file);
+    *path = arena_strdup(arena, there);
+    return *path ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory for a path");
+}
+
 /* Reads all recordings of a bench. */
 static enum error_code read_recordings(struct identify_bench *bench, struct arena *arena,
                                        struct error *error)
@@ -125,10 +154,18 @@ static enum error_code read_recordings(struct identify_bench *bench, struct aren
         struct recording *recording = &bench->recording[i];
         const char *path;
 
-        code = yaml_resolve_path(yaml_place(&one->mark, "file"), one->file, arena, &path, error);
+        code = find_recording(bench, one, arena, &path, error);
+        if (!code && bench->bench.obtain && access(path, F_OK)) {
+            bench->missing = true;
+            bench->nrecording = 0;
+            return ERROR_NONE;
+        }
         code = code ? code : read_recording(bench, path, one->crc32, arena, recording, error);
         recording->group = one->group;
         recording->judge = one->judge;
+        if (!code) {
+            recording_take_zero(recording, (enum bench_zero)one->zero);
+        }
     }
     return code;
 }
@@ -139,6 +176,7 @@ enum error_code identify_open(const char *path, struct arena *arena, struct iden
     const char *rig;
     enum error_code code = bench_read(path, arena, &bench->bench, error);
 
+    bench->missing = false;
     if (code) {
         return code;
     }
@@ -219,10 +257,11 @@ static bool leaves_range(const struct trial_robot *trial, const struct recording
                          const double *position)
 {
     const struct robot_joint *joint = &trial->joint;
+    const double *measured = r->signal[SIGNAL_POSITION];
     double most[2] = {0.0, 0.0};
 
-    for (size_t i = 0; i < r->count; i++) {
-        const double both[2] = {position[i], r->position[i]};
+    for (size_t i = 0; i < r->count && measured; i++) {
+        const double both[2] = {position[i], measured[i]};
 
         for (int k = 0; k < 2; k++) {
             const double q = both[k] + trial->bench.offset_rad;
@@ -233,34 +272,41 @@ static bool leaves_range(const struct trial_robot *trial, const struct recording
     return most[0] > 0.0 && !(most[1] > 0.0);
 }
 
-/* Simulates all recordings with the parameters of a trial, and computes their mean errors. position
- * and failure may be NULL; failure receives why a simulation of a recording in use is of no use. */
+/* Simulates all recordings with the parameters of a trial, and computes the mean errors of their
+ * first signals, or with `share` the RMS errors as shares. kept and failure may be NULL; failure
+ * receives why a simulation of a recording in use is of no use. */
 static enum error_code judge_all(const struct identify_bench *bench,
-                                 const struct trial_robot *trial, struct arena *arena,
-                                 double *error_rad, double **position, char failure[256],
+                                 const struct trial_robot *trial, bool share, struct arena *arena,
+                                 double *found, struct simulated *kept, char failure[256],
                                  struct error *error)
 {
     enum error_code code = ERROR_NONE;
 
     for (size_t i = 0; i < bench->nrecording && !code; i++) {
         const struct recording *r = &bench->recording[i];
-        struct simulated simulated = {.position =
-                                          arena_alloc(arena, r->count, sizeof *simulated.position)};
+        const enum signal first = recording_first(r);
+        struct simulated simulated = {.diverged = false};
 
-        if (!simulated.position) {
-            return error_set(error, ERROR_MEMORY, "no memory for simulated recordings");
+        for (size_t s = 0; s < SIGNALS; s++) {
+            if (r->signal[s] &&
+                !(simulated.signal[s] = arena_alloc(arena, r->count, sizeof(double)))) {
+                return error_set(error, ERROR_MEMORY, "no memory for simulated recordings");
+            }
         }
         code = simulate_recording(bench->rig, trial, &bench->bench.law, r, &simulated, error);
         if (!code) {
-            error_rad[i] = simulation_compare(r, simulated.position).mean;
+            const struct simulation_error off =
+                simulation_compare(r->signal[first], simulated.signal[first], r->count);
+
+            found[i] = share ? off.share : off.mean;
         }
         if (!code && failure && !r->judge &&
-            (simulated.diverged || leaves_range(trial, r, simulated.position))) {
+            (simulated.diverged || leaves_range(trial, r, simulated.signal[SIGNAL_POSITION]))) {
             snprintf(failure, 256, "%.160s: found a fit whose simulation %s", r->file,
                      simulated.diverged ? "diverges" : "leaves the joint's range");
         }
-        if (position) {
-            position[i] = simulated.position;
+        if (kept) {
+            kept[i] = simulated;
         }
     }
     return code;
@@ -305,7 +351,7 @@ static enum error_code run_fold(const struct identify_bench *bench,
     }
     fold.use = use;
     code = fit_solve(&fold, &fit, error);
-    code = code ? code : judge_all(bench, &fit.trial, arena, all, NULL, NULL, error);
+    code = code ? code : judge_all(bench, &fit.trial, false, arena, all, NULL, NULL, error);
     for (size_t i = 0; i < bench->nrecording && !code; i++) {
         if (!bench->recording[i].judge && same_group(bench->recording, i, left_out)) {
             result->crossed[i] = all[i];
@@ -340,18 +386,18 @@ enum error_code identify_run(const struct identify_bench *bench, struct fit_prob
 
     /* Fit, then compute the errors of all recordings with the start values and with the fit */
     problem->use = use;
-    code = judge_all(bench, &bench->trial, arena, result->start, NULL, NULL, error);
+    code = judge_all(bench, &bench->trial, false, arena, result->start, NULL, NULL, error);
     code = code ? code : fit_solve(problem, &result->fit, error);
     code = code ? code
-                : judge_all(bench, &result->fit.trial, arena, result->fitted, result->position,
-                            result->failure, error);
+                : judge_all(bench, &result->fit.trial, false, arena, result->fitted,
+                            result->simulated, result->failure, error);
 
     if (!code && !result->failure[0] &&
         mean_used(bench, result->fitted) > WORSE * mean_used(bench, result->start)) {
-        snprintf(
-            result->failure, sizeof result->failure,
-            "found a fit with a mean error of %.4g rad, more than %.4g rad of the start values",
-            mean_used(bench, result->fitted), mean_used(bench, result->start));
+        snprintf(result->failure, sizeof result->failure,
+                 "found a fit with a mean error of %.4g %s, more than %.4g %s of the start values",
+                 mean_used(bench, result->fitted), signal_kinds[result->fit.first].unit,
+                 mean_used(bench, result->start), signal_kinds[result->fit.first].unit);
     }
 
     /* Cross-validate: one fold per group */
@@ -398,7 +444,19 @@ static enum error_code judge_points(struct validation *validation, struct arena 
 
 const char *validation_verdict(const struct validation *validation)
 {
-    return !validation->passed ? "failed" : validation->unchecked > 0 ? "unchecked" : "passed";
+    return validation->missing         ? "missing"
+           : !validation->passed       ? "failed"
+           : validation->unchecked > 0 ? "unchecked"
+                                       : "passed";
+}
+
+const char *validation_unit(const struct validation *validation)
+{
+    const struct identify_bench *bench = &validation->bench;
+
+    return validation->is_share     ? "%"
+           : bench->nrecording == 0 ? "rad"
+                                    : signal_kinds[recording_first(bench->recording)].unit;
 }
 
 enum error_code validation_run(const char *path, struct arena *arena, struct validation *validation,
@@ -410,6 +468,11 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
     enum error_code code = identify_open(path, arena, bench, error);
 
     validation->unchecked = 0;
+    validation->missing = !code && bench->missing;
+    validation->is_share = !code && (bench->bench.limit_share > 0.0 || bench->bench.npoint > 0);
+    if (code || validation->missing) {
+        return code;
+    }
     if (!code && bench->bench.npoint > 0) {
         return judge_points(validation, arena, error);
     }
@@ -417,8 +480,8 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
         code = yaml_error(error, &bench->bench.mark, "found no recordings, expected some");
     }
     code = code ? code
-                : judge_all(bench, &bench->trial, arena, validation->error, validation->position,
-                            NULL, error);
+                : judge_all(bench, &bench->trial, validation->is_share, arena, validation->error,
+                            validation->simulated, NULL, error);
     if (code) {
         return code;
     }
@@ -430,7 +493,8 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
         judged[i] = bench->recording[i].judge || !any ? validation->error[i] : -1.0;
     }
     validation->mean = identify_mean(judged, bench->nrecording);
-    validation->passed =
-        bench->bench.limit_rad == 0.0 || validation->mean <= bench->bench.limit_rad;
+    validation->passed = validation->is_share ? validation->mean <= bench->bench.limit_share
+                                              : bench->bench.limit_rad == 0.0 ||
+                                                    validation->mean <= bench->bench.limit_rad;
     return code;
 }

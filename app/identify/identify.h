@@ -28,6 +28,9 @@
 
 enum { IDENTIFY_FREE_MAX = 24 };
 
+/* Largest number of parameters with a value for a group of recordings. */
+enum { GROUP_NUMBERS_MAX = 16 };
+
 /* A parameter is given by its index, or IDENTIFY_NONE. */
 enum { IDENTIFY_NONE = -1 };
 
@@ -45,9 +48,29 @@ const char *parameter_meaning(int parameter);
 
 /* Numbers of the test bench that the robot file does not contain. */
 struct bench_numbers {
-    double offset_rad; /* angle of the joint at which the recording says 0 */
-    double delay_s;    /* delay of the command */
-    double arm_kg;     /* mass of a uniform rod from the axis to the load's center of mass */
+    double offset_rad;   /* angle of the joint at which the recording says 0 */
+    double delay_s;      /* delay of the command */
+    double arm_kg;       /* mass of a uniform rod from the axis to the load's center of mass */
+    double command_gain; /* true command divided by the recorded one */
+};
+
+/* The value of a parameter in the recordings of one group. */
+struct group_number {
+    const char *group;
+    int parameter;
+    double value;
+};
+
+/* What the joint's output is fixed to. */
+enum bench_output {
+    OUTPUT_FREE,    /* the rig's robot */
+    OUTPUT_LOCKED,  /* a lock with a load cell, rigid or with a stiffness */
+    OUTPUT_INERTIA, /* an inertia without gravity */
+};
+
+struct bench_mount {
+    int output;                        /* enum bench_output */
+    double inertia_kg_m2, lock_nm_rad; /* lock_nm_rad 0 = rigid */
 };
 
 /* A copy of a robot with one driven joint, whose parameters can be changed. */
@@ -57,6 +80,9 @@ struct trial_robot {
     struct robot_joint joint;
     struct robot_effects effects;
     struct bench_numbers bench;
+    struct bench_mount mount;
+    struct group_number group[GROUP_NUMBERS_MAX];
+    size_t ngroup;
 };
 
 /* Copies a robot. Refuses a robot that does not have exactly one joint, with an electric drive. */
@@ -70,6 +96,12 @@ enum error_code trial_robot_copy(const struct robot *robot, struct trial_robot *
 double parameter_get(const struct trial_robot *trial, int parameter);
 void parameter_set(struct trial_robot *trial, const int *parameter, const double *value,
                    size_t count);
+
+/* Sets a parameter of the recordings of a group. Returns false if there are too many. */
+bool parameter_set_group(struct trial_robot *trial, const struct group_number *number);
+
+/* Applies the parameters of a group to a trial. */
+void parameter_take_group(struct trial_robot *trial, const char *group);
 
 /* Computes the default bounds of a parameter from the drive's data. */
 void parameter_bounds(const struct trial_robot *trial, int parameter, double supply_v,
@@ -86,19 +118,40 @@ bool parameter_is_written(const struct trial_robot *trial, int parameter);
  * parameters, the recordings with their sources, and the errors that others have published.
  */
 
+/* Measured signals. The first one that a bench has judges it. */
+enum signal {
+    SIGNAL_POSITION,       /* joint angle, rad */
+    SIGNAL_LOAD_TORQUE,    /* on the output, N m */
+    SIGNAL_DEFLECTION,     /* of the spring, rad */
+    SIGNAL_MOTOR_POSITION, /* behind the gear, rad */
+    SIGNAL_CURRENT,        /* of the motor, A */
+    SIGNAL_TEMPERATURE,    /* of the winding, deg C */
+    SIGNALS
+};
+
+/* Keys of the signals in a bench file, and their units. */
+extern const struct signal_kind {
+    const char *key, *unit;
+} signal_kinds[SIGNALS];
+
 /* Titles of a recording's columns; NULL = no such column. A bench file sets exactly one of goal,
- * voltage and torque. */
+ * voltage and torque, and one or more signals. */
 struct bench_columns {
     struct yaml_mark mark;
-    const char *time, *position; /* s; joint angle, rad */
-    const char *goal, *voltage;  /* set point, rad; voltage at the terminals, V */
+    const char *time, *signal[SIGNALS];
+    const char *goal, *voltage; /* set point, rad; voltage at the terminals, V */
     const char *torque;    /* torque of the motor on the gear, set point of its current loop, N m */
-    const char *current;   /* measured current of the motor, A */
     const char *enabled;   /* state of the bridge: on above 0.5 */
     const char *supply;    /* V; the mean is the voltage for a duty of 1 */
     const char *gain_word; /* the number after this word in the file's comments is the gain */
     bool voltage_before;   /* a row's voltage was on before its time, as in "run --record" */
     bool current_is_optional; /* a recording may lack the column of the current */
+};
+
+/* Standard deviations of the signals' noise; 0 = estimated by the fit. */
+struct bench_sigmas {
+    struct yaml_mark mark;
+    double signal[SIGNALS];
 };
 
 /* duty = duty_per_rad gain (goal - position), clipped to duty_max; voltage = duty supply. */
@@ -133,10 +186,20 @@ struct bench_point {
 /* A free parameter. */
 struct bench_free {
     struct yaml_mark mark;
-    const char *key;
+    const char *key, *group;                     /* group: of recordings; NULL = all */
     double start, lower, upper, expected, sigma; /* prior: expected and sigma */
     int parameter;
 };
+
+/* A fitted number of the recordings of a group. */
+struct bench_group_number {
+    struct yaml_mark mark;
+    const char *group, *key;
+    double value;
+};
+
+/* The value of the load cell that a recording takes for 0. */
+enum bench_zero { ZERO_NONE, ZERO_MEAN, ZERO_START };
 
 /* A recording file. Recordings of one group are similar, so cross-validation leaves them out
  * together. */
@@ -145,6 +208,7 @@ struct bench_recording {
     const char *file;
     const char *crc32; /* checksum of the file, hexadecimal; NULL = not checked */
     const char *group; /* "" = none */
+    int zero;          /* enum bench_zero */
     bool judge;        /* a validation recording: identifications do not use it */
 };
 
@@ -158,12 +222,15 @@ struct bench_published {
 struct bench {
     struct yaml_mark mark;
     const char *name, *description, *source, *license, *supports;
+    const char *obtain;      /* where recordings that do not ship are to be had; NULL = they ship */
     const char *rig, *drive; /* one of them is NULL; a bench with a drive has only points */
+    struct bench_mount mount;
     struct bench_columns columns;
+    struct bench_sigmas sigmas;
     struct bench_law law;
     double robust_rad;  /* larger errors count linearly; 0 = all errors are squared */
     double limit_rad;   /* largest accepted mean error of the validation recordings */
-    double limit_share; /* largest accepted mean relative error of the points */
+    double limit_share; /* the same of the points, or of the signals' RMS errors by their RMS */
     double diagram_nm;  /* largest motor torque of the drive/back-drive diagram; 0 = no diagram */
     struct bench_free *free;
     struct bench_recording *recording;
@@ -171,7 +238,8 @@ struct bench {
     struct bench_published *published;
     size_t nfree, nrecording, npoint, npublished;
     struct yaml_real_entry *number; /* parameters of drive and bench, which replace the rig's */
-    size_t nnumber;
+    struct bench_group_number *group_number;
+    size_t nnumber, ngroup_number;
 };
 
 /* A recording in memory. */
@@ -181,8 +249,8 @@ struct recording {
     char sum[9];     /* CRC-32 of the file, hexadecimal */
     bool is_checked; /* the bench file gives this sum */
     size_t count;    /* number of rows, at least 2, in order of time */
-    double *time, *position, *goal, *voltage;
-    double *current; /* A; NULL = not measured */
+    double *time, *goal, *voltage;
+    double *signal[SIGNALS]; /* NULL = not measured */
     bool *enabled;
     double gain, supply; /* supply 0 = as in the rig */
     bool voltage_before;
@@ -205,9 +273,18 @@ enum error_code recording_check_sum(const char *path, const char *expected, char
 enum error_code recording_read(const struct bench *bench, const char *path, struct arena *arena,
                                struct recording *recording, struct error *error);
 
-/* Allocates the rows of a recording, whose file must be set. ERROR_MEMORY. */
-enum error_code recording_alloc(struct recording *r, size_t count, bool has_current,
+/* Allocates the rows of a recording with some signals, whose file must be set. ERROR_MEMORY. */
+enum error_code recording_alloc(struct recording *r, size_t count, const bool has[SIGNALS],
                                 struct arena *arena, struct error *error);
+
+/* Subtracts the zero of the load cell: its mean, or its mean before the command first changes. */
+void recording_take_zero(struct recording *recording, enum bench_zero zero);
+
+/* Returns the recorded command: goals if the bench has a law, else voltages or torques. */
+const double *recording_command(const struct recording *recording, const struct bench_law *law);
+
+/* Returns the first signal of a recording, which judges it. */
+enum signal recording_first(const struct recording *recording);
 
 /* ---- recordings that are logs of candump (log.c) ---- */
 
@@ -234,6 +311,7 @@ enum error_code recording_read_log(const struct rig *rig, const char *joint,
 /* A free parameter of a fit. */
 struct fit_free {
     int parameter;
+    const char *group; /* of recordings; NULL = all */
     double start, lower, upper;
     double expected, sigma; /* prior; sigma 0 = none */
 };
@@ -246,9 +324,10 @@ struct fit_problem {
     const bool *use;                   /* use[i]: fit to recording i; NULL = fit to all */
     size_t nrecording, nfree;
     struct fit_free free[IDENTIFY_FREE_MAX];
+    const struct bench_sigmas *sigmas; /* NULL = none */
     double robust_rad;
     int steps; /* largest number of iterations */
-    void (*progress)(void *context, int step, double rms_rad);
+    void (*progress)(void *context, int step, double rms, enum signal signal);
     void *context;
     const volatile sig_atomic_t *interrupted; /* nonzero ends the fit early; NULL = never */
 };
@@ -274,9 +353,9 @@ struct fit_result {
     double sigma[IDENTIFY_FREE_MAX]; /* see find_covariance; NAN after an interrupt */
     double correlation[IDENTIFY_FREE_MAX][IDENTIFY_FREE_MAX];
     enum fit_verdict verdict[IDENTIFY_FREE_MAX];
-    double rms_rad;   /* of the recordings in the fit */
-    double rms_a;     /* of their currents; 0 = none is measured */
-    double coherence; /* rows that count as one independent measurement */
+    double rms[SIGNALS]; /* of the recordings in the fit; 0 = not measured */
+    enum signal first;   /* the first measured signal */
+    double coherence;    /* rows that count as one independent measurement */
     int simulations;
     struct trial_robot trial; /* has the fitted values */
 };
@@ -298,8 +377,7 @@ int fit_partner(const struct fit_result *result, size_t count, size_t i);
 
 /* Values at each time of a recording. After a divergence they repeat the last ones. */
 struct simulated {
-    double *position; /* joint's angle with the recording's zero, rad */
-    double *current;  /* of the motor, A; NULL = not wanted */
+    double *signal[SIGNALS]; /* angles have the recording's zero; NULL = not wanted */
     bool diverged;
 };
 
@@ -309,12 +387,42 @@ enum error_code simulate_recording(const struct rig *rig, const struct trial_rob
                                    const struct bench_law *law, const struct recording *recording,
                                    struct simulated *out, struct error *error);
 
-/* Errors of a simulated recording, rad. */
+/* Errors of a simulated signal in its unit. */
 struct simulation_error {
     double mean, rms, worst; /* mean: of the absolute errors */
+    double share;            /* rms divided by the RMS of the measured signal */
 };
-struct simulation_error simulation_compare(const struct recording *recording,
-                                           const double *position);
+struct simulation_error simulation_compare(const double *measured, const double *simulated,
+                                           size_t count);
+
+/* ---- responses (response.c) ---- */
+
+/*
+ * The response of a signal to its command. A command with at most two values is a step, any other a
+ * sweep.
+ *
+ * Step: times from the change of the command to 10, 63 and 90 % of the change of the signal, by
+ * linear interpolation. The change is between the mean before, and the mean of the last tenth.
+ * Overshoot is the largest value beyond the change, as a share of it.
+ *
+ * Sweep: H is the cross spectrum of command and signal divided by the spectrum of the command, both
+ * summed in bands of 1 Hz about 1, 2, ... Hz. Bands that have less than a hundredth of the power of
+ * the strongest do not count. gain is |H| of the lowest band; bandwidth is the first frequency at
+ * which |H|, linear between bands, is gain / sqrt 2.
+ */
+enum { RESPONSE_BANDS = 100 };
+struct response {
+    bool is_step;
+    double t10, t63, t90, overshoot; /* of a step; s, 1 */
+    double gain;                     /* signal's unit by command's unit */
+    double bandwidth, peak, peak_hz; /* of a sweep, Hz; peak: largest |H| */
+    size_t nband;
+    double band[RESPONSE_BANDS], magnitude[RESPONSE_BANDS]; /* Hz, |H| */
+};
+
+/* Computes the response. NAN: not reached, or not of this kind of command. */
+void response_compute(const double *time, const double *command, const double *signal, size_t count,
+                      struct response *response);
 
 /* ---- identifications ---- */
 
@@ -327,21 +435,24 @@ struct identify_bench {
     struct trial_robot trial;
     struct recording *recording;
     size_t nrecording;
+    bool missing; /* recordings that do not ship are not here; none is read */
 };
 
-/* Mean errors per recording, rad. crossed is negative if no fit left out the recording. */
+/* Mean errors per recording, in the unit of its first signal. crossed is negative if no fit left out
+ * the recording. */
 struct identify_result {
     struct fit_result fit;
-    double start[IDENTIFY_RECORDINGS_MAX];     /* with the initial values */
-    double fitted[IDENTIFY_RECORDINGS_MAX];    /* with the fit */
-    double crossed[IDENTIFY_RECORDINGS_MAX];   /* with the fit that left out its group */
-    double *position[IDENTIFY_RECORDINGS_MAX]; /* angles simulated with the fit, rad */
+    double start[IDENTIFY_RECORDINGS_MAX];               /* with the initial values */
+    double fitted[IDENTIFY_RECORDINGS_MAX];              /* with the fit */
+    double crossed[IDENTIFY_RECORDINGS_MAX];             /* with the fit that left out its group */
+    struct simulated simulated[IDENTIFY_RECORDINGS_MAX]; /* with the fit */
     size_t nfold;
     double spent_s;
     char failure[256]; /* why the fit is of no use; "" = it is of use */
 };
 
-/* Reads a bench, its rig and its recordings. */
+/* Reads a bench, its rig and its recordings. Recordings that do not ship are in the folder NAME of
+ * the folder that the environment variable COMAN_HIL_DATA names, else at their own paths. */
 enum error_code identify_open(const char *path, struct arena *arena, struct identify_bench *bench,
                               struct error *error);
 
@@ -382,17 +493,22 @@ enum error_code identify_write_page(const struct identify_bench *bench,
 /* The validation of a bench with its own drive. */
 struct validation {
     struct identify_bench bench;
-    double error[IDENTIFY_RECORDINGS_MAX]; /* mean error of each recording, rad */
-    double *position[IDENTIFY_RECORDINGS_MAX];
-    double *ours; /* computed value of each point */
-    double mean;  /* of the validation recordings, else of all, rad; of points, a share */
+    double error[IDENTIFY_RECORDINGS_MAX]; /* mean error of each recording, or its share */
+    struct simulated simulated[IDENTIFY_RECORDINGS_MAX];
+    double *ours;  /* computed value of each point */
+    double mean;   /* of the validation recordings, else of all; of points, a share */
+    bool is_share; /* errors are shares, else in the unit of the first signal */
     bool passed;
+    bool missing;     /* recordings that do not ship are not here */
     size_t unchecked; /* number of recordings whose CRC-32 the bench file does not give */
 };
 
-/* Returns the verdict on a bench: "passed", "failed", or "unchecked" if a recording could have
- * changed unnoticed. */
+/* Returns the verdict on a bench: "passed", "failed", "unchecked" if a recording could have changed
+ * unnoticed, or "missing". */
 const char *validation_verdict(const struct validation *validation);
+
+/* Returns the unit of the errors of a bench: "%", or the unit of the first signal. */
+const char *validation_unit(const struct validation *validation);
 
 /* Returns the drive of a trial. Its effects point into the trial. */
 struct robot_sea trial_drive(const struct trial_robot *trial);

@@ -174,13 +174,14 @@ static enum error_code open_source(const struct rig *rig, const char *joint,
     if (code) {
         return code;
     }
-    if (!find_angle(source, joint, columns->position)) {
+    if (!find_angle(source, joint, columns->signal[SIGNAL_POSITION])) {
         return error_set(error, ERROR_INPUT,
                          "found no signal with the angle of joint %s, expected its name as column "
                          "\"position\" of a bench (coman-hil dbc has the names)",
                          joint);
     }
-    find_log_current(source, joint, columns->current_is_optional ? NULL : columns->current);
+    find_log_current(source, joint,
+                     columns->current_is_optional ? NULL : columns->signal[SIGNAL_CURRENT]);
     if (!find_log_command(source, joint, columns->voltage ? columns->voltage : columns->torque,
                           columns->torque != NULL)) {
         return error_set(error, ERROR_INPUT,
@@ -269,13 +270,15 @@ static enum error_code read_frames(const struct log_source *source, const char *
             yields = 0.0;
             read_signal(source, &source->deflection, bus, &frame, &yields);
             r->time[*count] = 1e-9 * (double)(frame.time_ns - begin);
-            r->position[*count] = angle - yields;
+            r->signal[SIGNAL_POSITION][*count] = angle - yields;
             r->voltage[*count] =
                 *count > 0 ? command.sum / (double)(frame.time_ns - last) : command.value;
             r->enabled[*count] = true;
-            if (r->current) {
-                r->current[*count] = 0.0;
-                read_signal(source, &source->current, bus, &frame, &r->current[*count]);
+            if (r->signal[SIGNAL_CURRENT]) {
+                double *current = &r->signal[SIGNAL_CURRENT][*count];
+
+                *current = 0.0;
+                read_signal(source, &source->current, bus, &frame, current);
             }
         }
         command.sum = 0.0;
@@ -307,7 +310,10 @@ enum error_code recording_read_log(const struct rig *rig, const char *joint,
                          path, count, joint, source.position.signal->name,
                          source.command.signal->name);
     }
-    if (code || (code = recording_alloc(r, count, source.current.signal != NULL, arena, error))) {
+    const bool has[SIGNALS] = {
+        [SIGNAL_POSITION] = true, [SIGNAL_CURRENT] = source.current.signal != NULL};
+
+    if (code || (code = recording_alloc(r, count, has, arena, error))) {
         return code;
     }
     r->count = count;

@@ -14,14 +14,16 @@ enum { SPECTRUM_LINES = 100 };
 /* Smallest correlation of two parameters that the page lists. */
 #define CORRELATED 0.8
 
-/* Adds plots of a recording to a page: measured and simulated angle, the residual, and its
+/* Adds plots of a signal of a recording to a page: measured and simulated, the residual, and its
  * spectrum. */
 static void identify_plot(struct report *report, const char *id, const struct recording *r,
-                          const double *position)
+                          enum signal signal, const double *simulated)
 {
+    const double *measured = r->signal[signal];
+    const char *unit = signal_kinds[signal].unit, *name = signal_kinds[signal].key;
     double frequency[SPECTRUM_LINES], amplitude[SPECTRUM_LINES];
     double *residual = calloc(r->count, sizeof *residual);
-    const struct simulation_error found = simulation_compare(r, position);
+    const struct simulation_error found = simulation_compare(measured, simulated, r->count);
     const char *slash = strrchr(r->file, '/');
 
     if (!residual) {
@@ -29,10 +31,10 @@ static void identify_plot(struct report *report, const char *id, const struct re
         return;
     }
     for (size_t i = 0; i < r->count; i++) {
-        residual[i] = position[i] - r->position[i];
+        residual[i] = simulated[i] - measured[i];
     }
 
-    /* Compute the spectrum of a residual, rad: its amplitudes at the centers of equal frequency
+    /* Compute the spectrum of a residual: its amplitudes at the centers of equal frequency
      * bands, Hz. Use a Fourier sum at the residual's own times, with a Hann window. */
     const double length = r->time[r->count - 1] - r->time[0];
 
@@ -51,24 +53,113 @@ static void identify_plot(struct report *report, const char *id, const struct re
         amplitude[k] = 2.0 * hypot(real, imaginary) / (double)r->count;
     }
 
-    const struct svg_series angle[] = {
-        svg_line("measured", r->time, r->position, r->count, SVG_LINE),
-        svg_line("simulated", r->time, position, r->count, SVG_LINE)};
+    char axis[3][64];
+
+    snprintf(axis[0], sizeof axis[0], "%s, %s", name, unit);
+    snprintf(axis[1], sizeof axis[1], "simulated - measured, %s", unit);
+    snprintf(axis[2], sizeof axis[2], "amplitude, %s", unit);
+
+    const struct svg_series both[] = {
+        svg_line("measured", r->time, measured, r->count, SVG_LINE),
+        svg_line("simulated", r->time, simulated, r->count, SVG_LINE)};
     const struct svg_series off = svg_line("", r->time, residual, r->count, SVG_LINE);
     const struct svg_series lines = svg_line("", frequency, amplitude, SPECTRUM_LINES, SVG_LINE);
     const struct svg_plot panel[] = {
-        svg_panel("", "time, s", "angle, rad", angle, 2),
-        svg_panel("", "time, s", "simulated - measured, rad", &off, 1),
-        svg_panel("", "frequency, Hz", "amplitude, rad", &lines, 1),
+        svg_panel("", "time, s", axis[0], both, 2),
+        svg_panel("", "time, s", axis[1], &off, 1),
+        svg_panel("", "frequency, Hz", axis[2], &lines, 1),
     };
     char caption[256];
 
-    snprintf(caption, sizeof caption,
-             "%.120s: mean error %.4f rad, RMS %.4f rad, at worst %.3f rad; the residual and its "
-             "spectrum",
-             slash ? slash + 1 : r->file, found.mean, found.rms, found.worst);
+    snprintf(
+        caption, sizeof caption,
+        "%.100s, %s: mean error %.4f %s, RMS %.4f %s (%.1f %%), at worst %.3f %s; the residual "
+        "and its spectrum",
+        slash ? slash + 1 : r->file, name, found.mean, unit, found.rms, unit, 100.0 * found.share,
+        found.worst, unit);
     report_figure(report, id, caption, panel, 3);
     free(residual);
+}
+
+/* Formats a number; "-" if there is none. */
+static const char *number_text(double value, char text[32])
+{
+    if (!isfinite(value)) {
+        return "-";
+    }
+    snprintf(text, 32, "%.4g", value);
+    return text;
+}
+
+/* Adds a row of a response to the table. */
+static void add_response(struct report *report, const char *file, const char *what,
+                         const struct recording *r, const struct bench_law *law,
+                         const double *value)
+{
+    struct response of;
+    char text[8][32];
+
+    response_compute(r->time, recording_command(r, law), value, r->count, &of);
+    report_row(report, "%s|%s|%s|%s|%s|%s|%s|%s|%s|%s", file, what,
+               number_text(1e3 * of.t10, text[0]), number_text(1e3 * of.t63, text[1]),
+               number_text(1e3 * of.t90, text[2]), number_text(100.0 * of.overshoot, text[3]),
+               number_text(of.gain, text[4]), number_text(of.bandwidth, text[5]),
+               number_text(of.peak, text[6]), number_text(of.peak_hz, text[7]));
+}
+
+/* Adds the errors of all signals, the table of responses, and the plots. `simulated` has an entry
+ * for each recording. */
+static void add_recordings(struct report *report, const struct identify_bench *bench,
+                           const struct simulated *simulated)
+{
+    const struct bench_law *law = &bench->bench.law;
+    char id[64];
+
+    snprintf(id, sizeof id, "%.20s-signals", bench->bench.name);
+    report_table(report, id, "Errors of the signals, in their units and as shares of their RMS",
+                 "recording|signal|unit|mean error|RMS error|RMS error, %|largest error");
+    for (size_t i = 0; i < bench->nrecording; i++) {
+        const struct recording *r = &bench->recording[i];
+        const char *slash = strrchr(r->file, '/');
+
+        for (size_t s = 0; s < SIGNALS; s++) {
+            if (r->signal[s]) {
+                const struct simulation_error off =
+                    simulation_compare(r->signal[s], simulated[i].signal[s], r->count);
+
+                report_row(report, "%s|%s|%s|%.4g|%.4g|%.2f|%.4g", slash ? slash + 1 : r->file,
+                           signal_kinds[s].key, signal_kinds[s].unit, off.mean, off.rms,
+                           100.0 * off.share, off.worst);
+            }
+        }
+    }
+    snprintf(id, sizeof id, "%.20s-responses", bench->bench.name);
+    report_table(
+        report, id,
+        "Responses of the first signals to the command. Steps: times to 10, 63 and 90 % of "
+        "the change. Sweeps: cross spectra in bands of 1 Hz; bandwidth at -3 dB of the "
+        "lowest band",
+        "recording||t10, ms|t63, ms|t90, ms|overshoot, %|gain|bandwidth, Hz|largest "
+        "gain|at, Hz");
+    for (size_t i = 0; i < bench->nrecording; i++) {
+        const struct recording *r = &bench->recording[i];
+        const enum signal first = recording_first(r);
+        const char *slash = strrchr(r->file, '/');
+
+        add_response(report, slash ? slash + 1 : r->file, "measured", r, law, r->signal[first]);
+        add_response(report, slash ? slash + 1 : r->file, "simulated", r, law,
+                     simulated[i].signal[first]);
+    }
+    for (size_t i = 0; i < bench->nrecording; i++) {
+        for (size_t s = 0; s < SIGNALS; s++) {
+            if (bench->recording[i].signal[s]) {
+                snprintf(id, sizeof id, "%.20s-%zu-%s", bench->bench.name, i + 1,
+                         signal_kinds[s].key);
+                identify_plot(report, id, &bench->recording[i], (enum signal)s,
+                              simulated[i].signal[s]);
+            }
+        }
+    }
 }
 
 /* Returns the text of an error, "-" if there is none. */
@@ -125,7 +216,7 @@ enum error_code identify_write_page(const struct identify_bench *bench,
                                     struct error *error)
 {
     static struct report report;
-    char text[3][32], id[32];
+    char text[3][32];
     enum error_code code = report_open(&report, folder, "A drive identified", error);
 
     if (code) {
@@ -137,7 +228,7 @@ enum error_code identify_write_page(const struct identify_bench *bench,
                 "with numbers that were fitted to the others.",
                 bench->bench.description ? bench->bench.description : bench->bench.name,
                 bench->nrecording, result->fit.simulations);
-    report_table(&report, "recordings", "Mean of |simulated - measured|, rad",
+    report_table(&report, "recordings", "Mean of |simulated - measured| of the first signal",
                  "recording|group|at the start|fitted|cross-validated|");
     for (size_t i = 0; i < bench->nrecording; i++) {
         const char *slash = strrchr(bench->recording[i].file, '/');
@@ -157,10 +248,7 @@ enum error_code identify_write_page(const struct identify_bench *bench,
     }
     add_numbers(&report, problem, result);
     report_section(&report, "plots", "Measured and simulated");
-    for (size_t i = 0; i < bench->nrecording; i++) {
-        snprintf(id, sizeof id, "recording-%zu", i + 1);
-        identify_plot(&report, id, &bench->recording[i], result->position[i]);
-    }
+    add_recordings(&report, bench, result->simulated);
     return report_close(&report, error);
 }
 
@@ -208,8 +296,15 @@ static void add_bench(struct report *report, const struct validation *v)
         add_points(report, v);
         return;
     }
+    if (v->missing) {
+        report_text(report, "The recordings are not here. %s", bench->obtain);
+        return;
+    }
     snprintf(id, sizeof id, "%.20s-errors", bench->name);
-    report_table(report, id, "Mean of |simulated - measured|, rad", "recording|error|");
+    report_table(report, id,
+                 v->is_share ? "RMS of simulated - measured as a share of the RMS"
+                             : "Mean of |simulated - measured|, rad",
+                 "recording|error|");
     for (size_t i = 0; i < v->bench.nrecording; i++) {
         const char *slash = strrchr(v->bench.recording[i].file, '/');
 
@@ -220,10 +315,7 @@ static void add_bench(struct report *report, const struct validation *v)
         report_row(report, "%s|%.4f|published", bench->published[i].what,
                    bench->published[i].error_rad);
     }
-    for (size_t i = 0; i < v->bench.nrecording; i++) {
-        snprintf(id, sizeof id, "%.20s-%zu", bench->name, i + 1);
-        identify_plot(report, id, &v->bench.recording[i], v->position[i]);
-    }
+    add_recordings(report, &v->bench, v->simulated);
 }
 
 enum error_code validation_write_page(const struct validation *validation, size_t count,
@@ -243,22 +335,22 @@ enum error_code validation_write_page(const struct validation *validation, size_
                  "bench|what|unit|ours|best published|limit|verdict");
     for (size_t i = 0; i < count; i++) {
         const struct bench *bench = &validation[i].bench.bench;
-        const bool points = bench->npoint > 0;
-        const double scale = points ? 100.0 : 1.0;
+        const bool share = validation[i].is_share;
+        const double scale = share ? 100.0 : 1.0;
         double best = -1.0;
         char text[32];
 
         /* Add a bench to the summary, with its errors in rad, or in % for points */
         for (size_t k = 0; k < bench->npublished; k++) {
             const double one =
-                points ? bench->published[k].error_share : bench->published[k].error_rad;
+                share ? bench->published[k].error_share : bench->published[k].error_rad;
 
             best = best < 0.0 || one < best ? one : best;
         }
         report_row(&report, "%s|%s|%s|%.4f|%s|%.4f|%s", bench->name,
-                   bench->description ? bench->description : "", points ? "%" : "rad",
+                   bench->description ? bench->description : "", validation_unit(&validation[i]),
                    scale * validation[i].mean, error_text(scale * best, text),
-                   scale * (points ? bench->limit_share : bench->limit_rad),
+                   scale * (share ? bench->limit_share : bench->limit_rad),
                    validation_verdict(&validation[i]));
     }
     for (size_t i = 0; i < count; i++) {

@@ -21,6 +21,7 @@ enum scale {
     SCALE_ANGLE, /* 0.1 rad; for the offset also -0.1 rad */
     SCALE_TIME,  /* 20 ms */
     SCALE_MASS,  /* half of the mass of the link */
+    SCALE_GAIN,  /* 3 */
     SCALE_OTHER
 };
 
@@ -85,6 +86,7 @@ static const struct parameter {
     BENCH(offset_rad, SCALE_ANGLE, "the joint's angle where the recording says 0"),
     BENCH(delay_s, SCALE_TIME, "delay of the command"),
     BENCH(arm_kg, SCALE_MASS, "a rod's mass between axis and load"),
+    BENCH(command_gain, SCALE_GAIN, "true command by the recorded one"),
 };
 
 int parameter_find(const char *key)
@@ -112,8 +114,8 @@ enum error_code parameter_check(const char *key, int *parameter, struct error *e
     return error_set(error, ERROR_INPUT, "found \"%.63s\", expected %s", key,
                      near
                          ? near
-                         : "a key of a drive's file, or offset_rad, delay_s, arm_kg: a number that "
-                           "can be identified");
+                         : "a key of a drive's file, or offset_rad, delay_s, arm_kg, command_gain: "
+                           "a number that can be identified");
 }
 
 size_t parameter_count(void)
@@ -141,7 +143,8 @@ enum error_code trial_robot_copy(const struct robot *robot, struct trial_robot *
                          "drive on a fixed base",
                          robot->file, robot->njoint, robot->floating ? " on a floating base" : "");
     }
-    *trial = (struct trial_robot){.robot = *robot, .joint = robot->joint[0]};
+    *trial = (struct trial_robot){
+        .robot = *robot, .joint = robot->joint[0], .bench = {.command_gain = 1.0}};
     memcpy(trial->body, robot->body, sizeof trial->body);
     if (trial->joint.sea.effects) {
         trial->effects = *trial->joint.sea.effects;
@@ -206,6 +209,33 @@ void parameter_set(struct trial_robot *trial, const int *parameter, const double
                                    : trial->effects.coulomb;
 }
 
+bool parameter_set_group(struct trial_robot *trial, const struct group_number *number)
+{
+    size_t i = 0;
+
+    while (i < trial->ngroup && (trial->group[i].parameter != number->parameter ||
+                                 strcmp(trial->group[i].group, number->group) != 0)) {
+        i++;
+    }
+    if (i == GROUP_NUMBERS_MAX) {
+        return false;
+    }
+    trial->group[i] = *number;
+    trial->ngroup += i == trial->ngroup;
+    return true;
+}
+
+void parameter_take_group(struct trial_robot *trial, const char *group)
+{
+    for (size_t i = 0; i < trial->ngroup; i++) {
+        const struct group_number *number = &trial->group[i];
+
+        if (!strcmp(number->group, group)) {
+            parameter_set(trial, &number->parameter, &number->value, 1);
+        }
+    }
+}
+
 void parameter_bounds(const struct trial_robot *trial, int parameter, double supply_v,
                       double *lower, double *upper)
 {
@@ -220,6 +250,7 @@ void parameter_bounds(const struct trial_robot *trial, int parameter, double sup
         [SCALE_ANGLE] = 0.1,
         [SCALE_TIME] = 0.02,
         [SCALE_MASS] = 0.5 * trial->body[1].inertia.mass,
+        [SCALE_GAIN] = 3.0,
         [SCALE_OTHER] = 20.0 * start,
     };
     const enum scale scale = parameters[parameter].scale;

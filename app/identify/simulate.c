@@ -14,11 +14,30 @@
 /* Duration over which the initial position of a recording is averaged, s. */
 #define START_S 0.02
 
+/* Puts the mount of the output in place: an inertia about the joint's axis without gravity, behind
+ * the spring of a load cell at the angle `start`. */
+static void mount_output(struct trial_robot *trial, double start)
+{
+    const struct bench_mount *mount = &trial->mount;
+
+    if (mount->inertia_kg_m2 > 0.0) {
+        trial->body[1].inertia = (struct robot_inertia){
+            .mass = trial->body[1].inertia.mass,
+            .I = {mount->inertia_kg_m2, 0.0, 0.0, mount->inertia_kg_m2, 0.0, mount->inertia_kg_m2}};
+    }
+    if (mount->lock_nm_rad > 0.0) {
+        trial->joint.passive =
+            (struct robot_passive){.stiffness = mount->lock_nm_rad, .rest = start};
+    }
+}
+
 /* Completes a trial in place: sets the pointers to its own parts, and adds the arm's mass. Like the
  * reader of a robot file, it enables the effects only if one is set. */
-static void settle_trial(struct trial_robot *trial)
+static void settle_trial(struct trial_robot *trial, double start)
 {
     static const struct robot_effects none;
+
+    mount_output(trial, start);
 
     if (trial->bench.arm_kg > 0.0) {
         struct robot_inertia *inertia = &trial->body[1].inertia;
@@ -67,22 +86,48 @@ static enum error_code make_plant(const struct rig *rig, const struct trial_robo
     if (!code && plant_reset(*plant, NULL, NULL, &start)) {
         code = error_set(error, ERROR_INPUT, "%s", plant_failure(*plant));
     }
+    if (!code) {
+        plant_clamp(*plant,
+                    trial->mount.output == OUTPUT_LOCKED && trial->mount.lock_nm_rad == 0.0);
+    }
     return code;
 }
 
 /* Index in the plant's state, after the joint's angle and rate. */
-enum { STATE_MOTOR_SPEED = 2 + DRIVE_MOTOR_SPEED, STATE_CURRENT = 2 + DRIVE_CURRENT };
+enum { STATE_MOTOR_SPEED = 2 + DRIVE_MOTOR_SPEED };
 
 /* Returns the mean position at the start of a recording. */
 static double start_position(const struct recording *r)
 {
+    const double *position = r->signal[SIGNAL_POSITION];
     double sum = 0.0;
     size_t count = 0;
 
-    while (count < r->count && r->time[count] <= r->time[0] + START_S) {
-        sum += r->position[count++];
+    while (position && count < r->count && r->time[count] <= r->time[0] + START_S) {
+        sum += position[count++];
     }
-    return sum / (double)count;
+    return count > 0 ? sum / (double)count : 0.0;
+}
+
+/* Reads all signals of the plant in its present state. Returns false if the plant failed. */
+static bool sense_signals(const struct trial_robot *trial, struct plant *plant,
+                          double value[SIGNALS])
+{
+    const struct motor_sense *sense = plant_sensors(plant)->motor;
+    const struct robot_passive *cell = &trial->joint.passive;
+
+    if (plant_sample(plant) || !isfinite(sense->q)) {
+        return false;
+    }
+    value[SIGNAL_POSITION] = sense->q - trial->bench.offset_rad;
+    value[SIGNAL_LOAD_TORQUE] = trial->mount.lock_nm_rad > 0.0
+                                    ? cell->stiffness * (sense->q - cell->rest)
+                                    : sense->torque_nm;
+    value[SIGNAL_DEFLECTION] = sense->qm - sense->q;
+    value[SIGNAL_MOTOR_POSITION] = sense->qm - trial->bench.offset_rad;
+    value[SIGNAL_CURRENT] = sense->current_a;
+    value[SIGNAL_TEMPERATURE] = sense->winding_c;
+    return true;
 }
 
 /* Simulates the recording. */
@@ -94,12 +139,11 @@ static void run_plant(const struct rig *rig, const struct trial_robot *trial,
                  supply = r->supply > 0.0 ? r->supply : rig->supply_v;
     const struct robot_sea *sea = &trial->joint.sea;
     struct motor_command *command = plant_command(plant)->motor;
-    double *state, before, after, current[2];
+    double *state, value[2][SIGNALS] = {{0.0}};
     size_t length, row = 0, next = 0;
 
     state = plant_state(plant, &length);
-    before = after = state[0] - trial->bench.offset_rad;
-    current[0] = current[1] = state[STATE_CURRENT];
+    out->diverged |= !sense_signals(trial, plant, value[1]);
     for (size_t k = 0; next < r->count; k++) {
         const double now = r->time[0] + (double)k * tick;
         double duty;
@@ -109,15 +153,16 @@ static void run_plant(const struct rig *rig, const struct trial_robot *trial,
             row++;
         }
 
-        /* Set the command from a time on. row is the last row at that time; `after` has the
+        /* Set the command from a time on. row is the last row at that time; the position has the
          * recording's zero. */
         command->bridge_on = r->enabled[row];
         if (law->duty_per_rad > 0.0) {
-            duty = law->duty_per_rad * r->gain * (r->goal[row] - after);
+            duty = law->duty_per_rad * r->gain * (r->goal[row] - value[1][SIGNAL_POSITION]);
             duty = fmax(-law->duty_max, fmin(law->duty_max, duty));
             command->voltage_v = duty * supply;
         } else {
             command->voltage_v =
+                trial->bench.command_gain *
                 r->voltage[r->voltage_before && row + 1 < r->count ? row + 1 : row];
             if (r->is_torque) {
                 /* The voltage at which a current loop holds the current for this torque */
@@ -125,20 +170,16 @@ static void run_plant(const struct rig *rig, const struct trial_robot *trial,
                     sea->R * command->voltage_v / sea->Kt + sea->Kw * state[STATE_MOTOR_SPEED];
             }
         }
-        before = after;
-        current[0] = current[1];
-        if (!out->diverged && !plant_step(plant, rig->substeps) && isfinite(state[0])) {
-            after = state[0] - trial->bench.offset_rad;
-            current[1] = state[STATE_CURRENT];
-        } else {
-            out->diverged = true;
-        }
+        memcpy(value[0], value[1], sizeof value[0]);
+        out->diverged = out->diverged || plant_step(plant, rig->substeps) ||
+                        !sense_signals(trial, plant, value[1]);
         for (; next < r->count && r->time[next] <= now + tick; next++) {
             const double share = (r->time[next] - now) / tick;
 
-            out->position[next] = before + (after - before) * share;
-            if (out->current) {
-                out->current[next] = current[0] + (current[1] - current[0]) * share;
+            for (size_t i = 0; i < SIGNALS; i++) {
+                if (out->signal[i]) {
+                    out->signal[i][next] = value[0][i] + (value[1][i] - value[0][i]) * share;
+                }
             }
         }
     }
@@ -152,15 +193,17 @@ enum error_code simulate_recording(const struct rig *rig, const struct trial_rob
     struct dynamics dynamics;
     struct plant *plant;
     struct arena arena;
+    double start;
     enum error_code code = arena_init(&arena, PLANT_BYTES, error);
 
     if (code) {
         return code;
     }
     out->diverged = false;
-    settle_trial(&trial);
-    code = make_plant(rig, &trial, start_position(recording) + trial.bench.offset_rad, &dynamics,
-                      &arena, &plant, error);
+    parameter_take_group(&trial, recording->group);
+    start = start_position(recording) + trial.bench.offset_rad;
+    settle_trial(&trial, start);
+    code = make_plant(rig, &trial, start, &dynamics, &arena, &plant, error);
     if (!code) {
         run_plant(rig, &trial, law, recording, plant, out);
     }
@@ -168,19 +211,21 @@ enum error_code simulate_recording(const struct rig *rig, const struct trial_rob
     return code;
 }
 
-struct simulation_error simulation_compare(const struct recording *recording,
-                                           const double *position)
+struct simulation_error simulation_compare(const double *measured, const double *simulated,
+                                           size_t count)
 {
-    struct simulation_error error = {0.0, 0.0, 0.0};
-    const double count = (double)recording->count;
+    struct simulation_error error = {0.0, 0.0, 0.0, 0.0};
+    double power = 0.0;
 
-    for (size_t i = 0; i < recording->count; i++) {
-        const double off = fabs(position[i] - recording->position[i]);
+    for (size_t i = 0; i < count; i++) {
+        const double off = fabs(simulated[i] - measured[i]);
 
-        error.mean += off / count;
-        error.rms += off * off / count;
+        error.mean += off / (double)count;
+        error.rms += off * off / (double)count;
         error.worst = fmax(error.worst, off);
+        power += measured[i] * measured[i] / (double)count;
     }
     error.rms = sqrt(error.rms);
+    error.share = error.rms / sqrt(power);
     return error;
 }

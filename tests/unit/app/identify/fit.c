@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "app/identify/identify.h"
+#include "base/array.h"
 #include "base/random.h"
 #include "tests/physics/near.h"
 #include "tests/unit/arena_fixture.h"
@@ -28,7 +29,7 @@ static struct recording recording = {.file = "made",
                                      .group = "",
                                      .count = ROWS,
                                      .time = column[0],
-                                     .position = column[1],
+                                     .signal = {[SIGNAL_POSITION] = column[1]},
                                      .voltage = column[2],
                                      .goal = column[3],
                                      .enabled = enabled,
@@ -71,8 +72,10 @@ static void make_recording(struct trial_robot *trial, uint64_t seed)
     fine.integrator = PLANT_RK4;
     fine.substep_ns = 20000;
     fine.substeps = 50;
-    assert_ok(simulate_recording(&fine, trial, &none, &recording,
-                                 &(struct simulated){column[1], current, false}, &error));
+    assert_ok(simulate_recording(
+        &fine, trial, &none, &recording,
+        &(struct simulated){.signal = {[SIGNAL_POSITION] = column[1], [SIGNAL_CURRENT] = current}},
+        &error));
     add_noise(column[1], &random);
     add_noise(current, &random);
 }
@@ -98,7 +101,7 @@ TEST(known_numbers_come_back)
         const bool with_current = seed >= SEEDS;
 
         make_recording(&made, seed);
-        recording.current = with_current ? current : NULL;
+        recording.signal[SIGNAL_CURRENT] = with_current ? current : NULL;
         problem = (struct fit_problem){.rig = bench.rig,
                                        .trial = &bench.trial,
                                        .law = &bench.bench.law,
@@ -108,7 +111,8 @@ TEST(known_numbers_come_back)
         assert_ok(fit_prepare(&bench.bench, keys, FREE, &problem, &error));
         assert_ok(fit_solve(&problem, &result, &error));
         print_message("%d simulations of 6 s, RMS %.4g rad and %.4g A, %.1f rows count as one\n",
-                      result.simulations, result.rms_rad, result.rms_a, result.coherence);
+                      result.simulations, result.rms[SIGNAL_POSITION], result.rms[SIGNAL_CURRENT],
+                      result.coherence);
         for (size_t i = 0; i < FREE; i++) {
             const double off = fabs(result.value[i] / truth[i] - 1.0);
 
@@ -143,13 +147,88 @@ TEST(a_fit_that_leaves_the_range_is_a_failure)
     for (size_t i = 0; i < ROWS; i++) {
         column[2][i] *= 3.0;
     }
-    recording.current = NULL;
+    recording.signal[SIGNAL_CURRENT] = NULL;
     bench.recording = &recording;
     bench.nrecording = 1;
     assert_ok(fit_prepare(&bench.bench, free, 1, &problem, &error));
     assert_ok(identify_run(&bench, &problem, false, &arena, &result, &error));
     assert_string_equal(result.failure,
                         "made: found a fit whose simulation leaves the joint's range");
+}
+
+/* A constant torque of the motor, by the gain of its group: on a lock the load cell shows it, and a
+ * lock that yields turns by torque / stiffness; an inertia turns by torque t^2 / 2 (J + I). */
+TEST(an_output_is_locked_yields_or_turns)
+{
+    static const struct {
+        struct bench_mount mount;
+        enum signal signal;
+        double expected;
+    } rows[] = {
+        {{OUTPUT_LOCKED, 0.0, 0.0}, SIGNAL_LOAD_TORQUE, 0.2},
+        {{OUTPUT_LOCKED, 0.0, 0.0}, SIGNAL_DEFLECTION, 0.002},
+        {{OUTPUT_LOCKED, 0.001, 40.0}, SIGNAL_LOAD_TORQUE, 0.2},
+        {{OUTPUT_LOCKED, 0.001, 40.0}, SIGNAL_POSITION, 0.005},
+        {{OUTPUT_INERTIA, 40.0, 0.0}, SIGNAL_POSITION, 0.2 * 0.5 * 5.996 * 5.996 / 40.001845},
+        {{OUTPUT_INERTIA, 40.0, 0.0}, SIGNAL_CURRENT, 0.2 / 0.344415},
+    };
+    struct trial_robot trial = bench.trial;
+    const struct bench_law none = {0};
+    struct recording r = recording;
+
+    trial.effects = (struct robot_effects){0};
+    trial.joint.sea.Dm = 0.02;
+    assert_true(parameter_set_group(
+        &trial, &(struct group_number){"a", parameter_find("command_gain"), 2.0}));
+    r.signal[SIGNAL_POSITION] = NULL;
+    r.is_torque = true;
+    r.group = "a";
+    for (size_t i = 0; i < ROWS; i++) {
+        column[2][i] = 0.1;
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
+        struct simulated out = {.diverged = false};
+
+        trial.mount = rows[i].mount;
+        out.signal[rows[i].signal] = current;
+        assert_ok(simulate_recording(bench.rig, &trial, &none, &r, &out, &error));
+        assert_near(current[ROWS - 1], rows[i].expected, 2e-3 * rows[i].expected);
+    }
+}
+
+/* A lag of 50 ms with a gain of 2: times of a step are tau ln 1/(1 - share), and the bandwidth of a
+ * sweep is where |H| falls to 0.707 of |H| at 1 Hz. */
+TEST(responses_are_of_closed_form)
+{
+    enum { COUNT = 40000 };
+    static double time[COUNT], command[2][COUNT], signal[2][COUNT];
+    const double tau = 0.05, w1 = 2.0 * M_PI * tau;
+    struct response r;
+
+    for (size_t i = 0; i < COUNT; i++) {
+        time[i] = 1e-3 * (double)i;
+        command[0][i] = i < 1000 ? 0.0 : 3.0;
+        command[1][i] = sin(2.0 * M_PI * 0.25 * time[i] * time[i]);
+        for (int k = 0; k < 2; k++) {
+            const double before = i > 0 ? signal[k][i - 1] : 0.0;
+
+            signal[k][i] = i > 0 ? 2.0 * command[k][i - 1] +
+                                       (before - 2.0 * command[k][i - 1]) * exp(-1e-3 / tau)
+                                 : 0.0;
+        }
+    }
+    response_compute(time, command[0], signal[0], COUNT, &r);
+    assert_true(r.is_step);
+    assert_near(r.t10, -tau * log(0.9), 2e-5);
+    assert_near(r.t63, -tau * log(0.37), 2e-5);
+    assert_near(r.t90, -tau * log(0.1), 2e-5);
+    assert_near(r.gain, 2.0, 1e-6);
+    assert_near(r.overshoot, 0.0, 1e-6);
+    response_compute(time, command[1], signal[1], COUNT, &r);
+    assert_false(r.is_step);
+    assert_near(r.gain, 2.0 / sqrt(1.0 + w1 * w1), 0.02);
+    assert_near(r.bandwidth, sqrt(2.0 * (1.0 + w1 * w1) - 1.0) / w1, 0.1);
+    assert_near(r.peak_hz, 1.0, 0.0);
 }
 
 /* A number that the recording does not depend on is said not to be told. */
@@ -200,7 +279,16 @@ TEST(wrong_benches_are_refused_with_their_place)
     refuses(HEAD "columns: {time: t, position: q, voltage: v}\n"
                  "free: [{key: R_ohm, expected: 3}]\n",
             "bounds or a prior");
-    refuses("name: a\nsource: b\nlicense: c\nrig: r.yaml\n", "found no columns");
+    refuses(HEAD, "found no columns");
+    refuses(HEAD "columns: {time: t, voltage: v}\n", "no column of a measured signal");
+    refuses(HEAD "columns: {time: t, position: q, voltage: v}\noutput: inertia\n",
+            "do not tell one output");
+    refuses(HEAD "columns: {time: t, position: q, voltage: v}\noutput: free\nlock_nm_rad: 5\n"
+                 "output_kg_m2: 1\n",
+            "do not tell one output");
+    refuses(HEAD "columns: {time: t, position: q, voltage: v}\n"
+                 "group_numbers: [{group: a, key: R_omh, value: 1}]\n",
+            "found \"R_omh\"");
 }
 
 #define POINT(keys)                                                                                \
