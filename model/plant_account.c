@@ -39,7 +39,8 @@ void plant_account_step(struct plant *plant, double h)
         /* An imposed rotor gives the spring's torque; its own motion comes from outside */
         const bool imposed = plant->condition[d] & DRIVE_IMPOSED;
         const double power = speed * (imposed ? plant_drive_torque(plant, plant->state, d)
-                                              : sea->Kt * y[DRIVE_CURRENT]);
+                                              : sea->Kt * y[DRIVE_CURRENT] *
+                                                    effects_saturation(sea, y[DRIVE_CURRENT]));
 
         in += power;
         turnover += fabs(power);

@@ -114,7 +114,10 @@ struct robot_effects {
     /* true: with the bridge off, the current flows through the diodes; false: it stops
      * immediately */
     bool freewheel;
-    double diode; /* voltage of each of the two diodes, V */
+    double diode;      /* voltage of each of the two diodes, V */
+    double saturation; /* current at which Kt and Kw fall to 1/sqrt(2), A; 0 = never */
+    double iron;       /* viscous drag of the motor's iron, N m s/rad per A^2 */
+    double standby;    /* power of the drive's electronics, W */
 };
 
 /* Series elastic DC drive of a joint, paper eqs (2)-(4); all on the link side of the gear. */

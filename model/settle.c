@@ -348,10 +348,11 @@ static enum error_code check_joint_load(const struct settle *s, size_t j, double
                          joint->name, tau);
     }
     if (joint->sea.present &&
-        fabs(joint->sea.R * tau / joint->sea.Kt) > s->plant->config.supply_v) {
+        fabs(joint->sea.R * effects_current(&joint->sea, tau)) > s->plant->config.supply_v) {
         return error_set(error, ERROR_INPUT,
                          "joint %s needs %.3g V to hold %.3g N m, the supply has %g V", joint->name,
-                         joint->sea.R * tau / joint->sea.Kt, tau, s->plant->config.supply_v);
+                         joint->sea.R * effects_current(&joint->sea, tau), tau,
+                         s->plant->config.supply_v);
     }
     return ERROR_NONE;
 }
@@ -381,7 +382,7 @@ static enum error_code load_drives(struct settle *s, struct error *error)
         y[DRIVE_MOTOR_POSITION] =
             effects_motor_rest(sea, plant_joint_position(plant, plant->state, j), tau);
         y[DRIVE_MOTOR_SPEED] = 0.0;
-        y[DRIVE_CURRENT] = tau / sea->Kt;
+        y[DRIVE_CURRENT] = effects_current(sea, tau);
         plant->voltage[d] = plant_holding_voltage(plant, d, y[DRIVE_CURRENT]);
         plant->bridge_on[d] = true;
         plant->command.motor[j].bridge_on = true;

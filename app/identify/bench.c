@@ -120,9 +120,13 @@ static const struct yaml_schema recording_schema = YAML_SCHEMA(
     "a recording", struct bench_recording, recording_fields, .defaults = &recording_defaults);
 #undef STRUCT
 
-const struct word point_words[] = {{"voltage_v", POINT_VOLTAGE}, {"current_a", POINT_CURRENT},
-                                   {"motor_nm", POINT_MOTOR},    {"speed_rad_s", POINT_SPEED},
-                                   {"load_nm", POINT_LOAD},      {NULL, 0}};
+const struct word point_words[] = {{"voltage_v", POINT_VOLTAGE},
+                                   {"current_a", POINT_CURRENT},
+                                   {"motor_nm", POINT_MOTOR},
+                                   {"speed_rad_s", POINT_SPEED},
+                                   {"load_nm", POINT_LOAD},
+                                   {"loss_w", POINT_LOSS},
+                                   {NULL, 0}};
 
 #define STRUCT bench_point
 static const struct yaml_field point_fields[] = {
@@ -136,7 +140,7 @@ static const struct yaml_field point_fields[] = {
     {"find", YAML_ENUM, true, .offset = AT(find), .names = point_words},
     REAL("value", true, value, DBL_MIN, 1e6),
 };
-static const struct bench_point point_defaults = {.known = {NAN, NAN, NAN, NAN, NAN}};
+static const struct bench_point point_defaults = {.known = {NAN, NAN, NAN, NAN, NAN, NAN}};
 static const struct yaml_schema point_schema =
     YAML_SCHEMA("a point", struct bench_point, point_fields, .defaults = &point_defaults);
 #undef STRUCT

@@ -167,6 +167,7 @@ enum point_quantity {
     POINT_MOTOR, /* torque of the motor on the gear, N m */
     POINT_SPEED,
     POINT_LOAD,
+    POINT_LOSS, /* of the drive, W; never known */
     POINT_QUANTITIES
 };
 

@@ -4,6 +4,7 @@
 #include "app/identify/identify.h"
 
 #include "base/array.h"
+#include "model/drives/effects.h"
 #include "model/drives/steady.h"
 
 #include <math.h>
@@ -25,10 +26,10 @@ double point_compute(const struct robot_sea *sea, const struct bench_point *poin
         q[POINT_SPEED] = steady_speed(sea, q[POINT_VOLTAGE], q[POINT_LOAD]);
     }
     if (!isnan(known[POINT_VOLTAGE])) {
-        q[POINT_CURRENT] = (q[POINT_VOLTAGE] - (double)sense * sea->Kw * q[POINT_SPEED]) / sea->R;
+        q[POINT_CURRENT] = steady_current(sea, q[POINT_VOLTAGE], (double)sense * q[POINT_SPEED]);
     }
     if (!isnan(known[POINT_VOLTAGE]) || !isnan(known[POINT_CURRENT])) {
-        q[POINT_MOTOR] = sea->Kt * q[POINT_CURRENT];
+        q[POINT_MOTOR] = sea->Kt * effects_saturation(sea, q[POINT_CURRENT]) * q[POINT_CURRENT];
     } else if (isnan(known[POINT_MOTOR])) {
         q[POINT_MOTOR] = steady_motor(sea, q[POINT_LOAD], q[POINT_SPEED], sense);
     }
@@ -37,8 +38,13 @@ double point_compute(const struct robot_sea *sea, const struct bench_point *poin
     if (isnan(known[POINT_LOAD])) {
         q[POINT_LOAD] = steady_load(sea, q[POINT_MOTOR], q[POINT_SPEED], sense);
     }
-    q[POINT_CURRENT] = q[POINT_MOTOR] / sea->Kt;
-    q[POINT_VOLTAGE] = sea->R * q[POINT_CURRENT] + (double)sense * sea->Kw * q[POINT_SPEED];
+    q[POINT_CURRENT] = effects_current(sea, q[POINT_MOTOR]);
+    q[POINT_VOLTAGE] = sea->R * q[POINT_CURRENT] + (double)sense * sea->Kw *
+                                                       effects_saturation(sea, q[POINT_CURRENT]) *
+                                                       q[POINT_SPEED];
+    q[POINT_LOSS] = q[POINT_VOLTAGE] * q[POINT_CURRENT] -
+                    (double)sense * q[POINT_LOAD] * q[POINT_SPEED] +
+                    (sea->effects ? sea->effects->standby : 0.0);
     return q[point->find];
 }
 

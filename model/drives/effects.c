@@ -232,14 +232,35 @@ double effects_resistance(const struct robot_sea *sea, double winding_c)
     return effects_winding(sea, winding_c) + sea->effects->bridge_ohm;
 }
 
-/* Returns the factor of Kt and Kw at a housing temperature, degree C. */
-static double magnet_strength(const struct robot_sea *sea, double housing_c)
+double effects_saturation(const struct robot_sea *sea, double I)
+{
+    const double most = sea->effects ? sea->effects->saturation : 0.0;
+
+    return most > 0.0 ? most / sqrt(most * most + I * I) : 1.0;
+}
+
+double effects_current(const struct robot_sea *sea, double torque)
+{
+    const double most = sea->effects ? sea->effects->saturation : 0.0, I = torque / sea->Kt;
+    const double share = most > 0.0 ? I / most : 0.0;
+
+    return fabs(share) < 1.0 ? I / sqrt(1.0 - share * share) : copysign(INFINITY, I);
+}
+
+/* Returns the factor of Kt and Kw at a housing temperature, degree C, and a current. */
+static double field_strength(const struct robot_sea *sea, double housing_c, double I)
 {
     const struct robot_thermal *thermal = &sea->effects->thermal;
+    const double saturated = effects_saturation(sea, I);
 
     return thermal->winding_k_w > 0.0
-               ? fmax(KT_LEAST, 1.0 + thermal->Kt_per_k * (housing_c - REFERENCE_C))
-               : 1.0;
+               ? saturated * fmax(KT_LEAST, 1.0 + thermal->Kt_per_k * (housing_c - REFERENCE_C))
+               : saturated;
+}
+
+double effects_damping(const struct robot_sea *sea, double I)
+{
+    return sea->effects ? sea->Dm + sea->effects->iron * I * I : sea->Dm;
 }
 
 double effects_hysteresis(const struct robot_sea *sea, double z, double way, double *loss)
@@ -265,7 +286,7 @@ double effects_hysteresis(const struct robot_sea *sea, double z, double way, dou
 static double rotor_load(const struct robot_sea *sea, const struct effects_state *state,
                          const struct gear_state *gear)
 {
-    return magnet_strength(sea, state->housing_c) * sea->Kt * state->sea.I -
+    return field_strength(sea, state->housing_c, state->sea.I) * sea->Kt * state->sea.I -
            gear->slope * gear->torque + cogging_torque(sea, state->sea.qm, 0.0);
 }
 
@@ -275,7 +296,7 @@ static struct effects_carried gear_carries(const struct robot_sea *sea,
                                            const struct gear_state *gear)
 {
     return (struct effects_carried){
-        .motor = magnet_strength(sea, state->housing_c) * sea->Kt * state->sea.I,
+        .motor = field_strength(sea, state->housing_c, state->sea.I) * sea->Kt * state->sea.I,
         .external = -gear->slope * gear->torque,
     };
 }
@@ -322,7 +343,7 @@ struct effects_mode effects_find_mode(const struct robot_sea *sea,
     if (bridge->conducts && bridge->hold > 0.0) {
         mode.flow = sign_of(state->sea.I);
         if (mode.flow == 0) {
-            double Kw = magnet_strength(sea, state->housing_c) * sea->Kw;
+            double Kw = field_strength(sea, state->housing_c, state->sea.I) * sea->Kw;
             double drive = bridge->voltage - Kw * state->sea.qmd;
 
             mode.flow = fabs(drive) > bridge->hold ? sign_of(drive) : 0;
@@ -350,7 +371,7 @@ static void warm_rates(const struct robot_thermal *thermal, double power,
 double effects_current_rate(const struct robot_sea *sea, const struct effects_state *state,
                             const struct effects_bridge *bridge, const struct effects_mode *mode)
 {
-    const double Kw = magnet_strength(sea, state->housing_c) * sea->Kw;
+    const double Kw = field_strength(sea, state->housing_c, state->sea.I) * sea->Kw;
 
     return mode->flow != 0
                ? (bridge->voltage - bridge->hold * mode->flow -
@@ -375,7 +396,8 @@ void effects_derivative(const struct robot_sea *sea, const struct effects_state 
             bends ? state->grip : mode->slide * effects_friction(sea, qmd, &carried);
 
         derivative->sea.qm = qmd;
-        derivative->sea.qmd = (rotor_load(sea, state, &gear) - sea->Dm * qmd - friction) / sea->J;
+        derivative->sea.qmd =
+            (rotor_load(sea, state, &gear) - effects_damping(sea, I) * qmd - friction) / sea->J;
     }
     derivative->grip = bends ? sea->effects->presliding * qmd : 0.0;
     derivative->hysteresis =
@@ -513,10 +535,10 @@ void effects_step_implicit(const struct robot_sea *sea, const struct effects_bri
                            const struct effects_state *begin, struct effects_end *end)
 {
     const struct robot_effects *effects = sea->effects;
-    const double strength = magnet_strength(sea, begin->housing_c), Kt = strength * sea->Kt;
     const double qm = begin->sea.qm, J_h = sea->J / h;
     const double winding = sea->L + h * effects_resistance(sea, begin->winding_c);
     const bool varies = effects->nerror > 0 || effects->ncogging > 0 || effects->stribeck > 0.0 ||
+                        effects->saturation > 0.0 || effects->iron > 0.0 ||
                         has_load_friction(&effects->load);
     struct effects_mode mode = effects_find_mode(sea, begin, q, qd, bridge);
     struct effects_carried carried = effects_carried(sea, begin, q, qd);
@@ -532,13 +554,16 @@ void effects_step_implicit(const struct robot_sea *sea, const struct effects_bri
     *end = (struct effects_end){.state = *begin};
     equation.friction = effects_friction(sea, v, &carried);
     for (int i = 0; i < MEAN_ITERATIONS; i++) {
+        /* Any strength and any damping is passive: take those of the last current */
+        const double strength = field_strength(sea, begin->housing_c, end->state.sea.I);
+        const double Kt = strength * sea->Kt;
         const double I =
             mode.flow != 0
                 ? (sea->L * current + h * (bridge->voltage - bridge->hold * mode.flow)) / winding
                 : current;
         const double yield = mode.flow != 0 ? h * strength * sea->Kw / winding : 0.0;
 
-        equation.resistance = J_h + sea->Dm + Kt * yield;
+        equation.resistance = J_h + effects_damping(sea, end->state.sea.I) + Kt * yield;
         equation.push = J_h * begin->sea.qmd + Kt * I + cogging;
         last = v;
         v = solve_speed(sea, &equation, begin->hysteresis, v, end);
@@ -595,8 +620,9 @@ void effects_power_current(const struct robot_sea *sea, const struct effects_sta
     const double switching = bridge->switching * fabs(I);
 
     power->electrical = (bridge->voltage - (bridge->hold - bridge->diodes) * mode->flow) * I +
-                        switching + (R + R_b) * bridge->ripple;
-    power->bridge = bridge->diodes * mode->flow * I + switching + R_b * square;
+                        switching + (R + R_b) * bridge->ripple + sea->effects->standby;
+    power->bridge =
+        bridge->diodes * mode->flow * I + switching + R_b * square + sea->effects->standby;
     power->joule = R * square;
 }
 
@@ -611,8 +637,9 @@ void effects_power(const struct robot_sea *sea, const struct effects_state *stat
     effects_power_current(sea, state, bridge, mode, power);
     push = spring_push(sea, spring_bend(sea, effects_deflection(sea, state->sea.qm, q)), rate,
                        &elastic);
-    power->motor = sea->Dm * qmd * qmd + magnet_strength(sea, state->housing_c) *
-                                             (sea->Kw - sea->Kt) * state->sea.I * qmd;
+    power->motor = effects_damping(sea, state->sea.I) * qmd * qmd +
+                   field_strength(sea, state->housing_c, state->sea.I) * (sea->Kw - sea->Kt) *
+                       state->sea.I * qmd;
     carried = effects_carried(sea, state, q, qd);
     power->gear = mode->slide * effects_friction(sea, qmd, &carried) * qmd;
     power->spring_damping = (push - elastic) * rate;

@@ -16,7 +16,8 @@
  * rotor at rest stays at rest while |load| <= F(0), and no current flows while |V - Kw qm'| <= V_h.
  * A mode says which of the two is held at zero; the equations of a mode are smooth. With a
  * presliding stiffness sigma_f, friction is a Maxwell slip element, a torque f between -F and F in
- * place of F sgn qm': f' = sigma_f qm' until |f| is F. R, Kt and Kw depend on the temperatures.
+ * place of F sgn qm': f' = sigma_f qm' until |f| is F. R, Kt and Kw depend on the temperatures,
+ * Kt and Kw also on the current.
  * Current ripple and switching of the bridge only dissipate power.
  *
  * SI units, link side, temperatures in degree C. Pure functions of drives whose effects are not
@@ -98,6 +99,16 @@ double effects_friction(const struct robot_sea *sea, double speed,
 
 /* Returns whether a drive has rigid gear friction: its rotor may stay at rest under a load. */
 bool effects_sticks(const struct robot_sea *sea);
+
+/* Returns the factor of Kt and Kw at a current: 1/sqrt(1 + (I/I_s)^2), of a saturated motor; 1 for a
+ * drive without effects. */
+double effects_saturation(const struct robot_sea *sea, double I);
+
+/* Returns the viscous damping of the rotor at a current, N m s/rad: friction and iron loss. */
+double effects_damping(const struct robot_sea *sea, double I);
+
+/* Returns the current at which Kt I with saturation is this torque, A; an infinite one if none. */
+double effects_current(const struct robot_sea *sea, double torque);
 
 /* Returns the grip that friction F allows. */
 double effects_limit_grip(double grip, double friction);

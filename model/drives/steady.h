@@ -23,6 +23,9 @@ double steady_load(const struct robot_sea *sea, double motor, double speed, int 
  * sense -1: torque at which the load turns back. NAN if there is none. */
 double steady_motor(const struct robot_sea *sea, double load, double speed, int sense);
 
+/* Returns the current at a voltage and a speed, which may be negative. */
+double steady_current(const struct robot_sea *sea, double voltage, double speed);
+
 /* Returns the speed at which a voltage > 0 turns a load forward; NAN if it stalls. */
 double steady_speed(const struct robot_sea *sea, double voltage, double load);
 

@@ -6,6 +6,7 @@
  */
 
 #include "model/drives/effects.h"
+#include "model/drives/steady.h"
 #include "tests/physics/near.h"
 #include "tests/physics/toy_plant.h"
 #include "tests/test.h"
@@ -238,14 +239,11 @@ TEST(presliding_friction_breaks_away_and_slides_as_coulomb)
 }
 
 /* A link that swings with its drive, by the default step and by rk4 in steps of 2 us. */
-static void compare_integrators(double presliding)
+static void compare_integrators(struct robot_effects effects)
 {
     const struct robot_sea sea = toy_drive(100.0);
-    struct robot_effects effects = all_terms();
     struct plant_energy energy;
     double q[2][4];
-
-    effects.presliding = presliding;
 
     for (int n = 0; n < 2; n++) {
         const size_t per_ms = n == 0 ? 1 : 500;
@@ -272,6 +270,57 @@ static void compare_integrators(double presliding)
 
 TEST(integrators_agree_on_a_swinging_link)
 {
-    compare_integrators(0.0);
-    compare_integrators(500.0);
+    struct robot_effects effects = all_terms();
+
+    compare_integrators(effects);
+    effects.presliding = 500.0;
+    compare_integrators(effects);
+    effects = (struct robot_effects){.saturation = 3.0, .iron = 1e-3, .standby = 2.0};
+    compare_integrators(effects);
+}
+
+/* A rotor at a constant voltage U turns where U = R I + s Kw w and s Kt I = (Dm + iron I^2) w, s =
+ * 1/sqrt(1 + (I/I_s)^2). The supply gives U I and the standby power, and all of it becomes heat. */
+TEST(saturated_motor_turns_and_heats_by_its_closed_form)
+{
+    const enum plant_integrator integrator[] = {PLANT_IMPLICIT, PLANT_RK4};
+    struct robot_sea sea = toy_drive(0.0);
+
+    sea.Ds = 0.0;
+    sea.Dm = 5.0;
+    for (size_t i = 0; i < 2; i++) {
+        const int steps = i == 0 ? 1 : 100;
+        struct plant_energy energy;
+        double I, w, s, in;
+        struct bench b;
+
+        bench_begin(&b, sea,
+                    (struct robot_effects){.saturation = 2.0, .iron = 0.05, .standby = 3.0}, false,
+                    integrator[i], MS / steps);
+        plant_clamp(b.plant, true);
+        b.motor->bridge_on = true;
+        b.motor->voltage_v = 12.0;
+        for (int k = 0; k < 5000; k++) {
+            assert_ok(plant_step(b.plant, (size_t)steps));
+        }
+        I = b.drive[DRIVE_CURRENT];
+        w = b.drive[DRIVE_MOTOR_SPEED];
+        s = 1.0 / sqrt(1.0 + 0.25 * I * I);
+        assert_true(I > 2.0 && w > 0.1);
+        assert_near(sea.R * I + s * sea.Kw * w, 12.0, 1e-9);
+        assert_near((sea.Dm + 0.05 * I * I) * w, s * sea.Kt * I, 1e-9);
+        assert_near(steady_current(&b.on.toy.joint[0].sea, 12.0, w), I, 1e-9);
+        assert_near(steady_speed(&b.on.toy.joint[0].sea, 12.0, 0.0), w, 1e-9);
+        assert_near(effects_current(&b.on.toy.joint[0].sea, s * sea.Kt * I), I, 1e-9);
+        assert_ok(plant_energy(b.plant, &energy));
+        in = energy.electrical_in;
+        assert_near(energy.balance, 0.0, 1e-5 * in);
+        assert_ok(plant_restart_energy(b.plant));
+        assert_ok(plant_step(b.plant, (size_t)steps));
+        assert_ok(plant_energy(b.plant, &energy));
+        assert_near(energy.electrical_in, (12.0 * I + 3.0) * 1e-3, 1e-12);
+        assert_near(energy.bridge_loss, 3e-3, 1e-12);
+        assert_near(energy.motor_friction, (sea.Dm + 0.05 * I * I) * w * w * 1e-3, 1e-12);
+        bench_end(&b);
+    }
 }

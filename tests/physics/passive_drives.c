@@ -112,6 +112,10 @@ static struct passive_drive draw_drive(uint64_t seed)
         e->presliding = Ks * log_uniform(r, 1e-2, 1e3);
         d.grip = e->breakaway * uniform(r);
     }
+    if (coin(r)) {
+        e->saturation = log_uniform(r, 1e-3, 1e3);
+        e->iron = log_uniform(r, 1e-6, 1e-2);
+    }
     return d;
 }
 
