@@ -270,13 +270,26 @@ static bool described_may_be_empty(const struct described_frame *a, const struct
     return request->or_empty && other->shortest == 0;
 }
 
+/* Returns whether one of two rows is the request to a drive and the other only an answer of the
+ * same drive with the request's identifier, as LK-TECH's have it. */
+static bool described_is_exchange(const struct described_frame *a, const struct described_frame *b)
+{
+    const struct described_frame *answer = a->from_host ? b : a;
+
+    return a->by == DESCRIBED_BY_ADDRESS && b->by == DESCRIBED_BY_ADDRESS && a->base == b->base &&
+           a->step == b->step && !a->mask && !b->mask && !answer->period_ns && !answer->telemetry &&
+           !answer->on_change && !answer->on_fault && !answer->on_restart;
+}
+
 bool described_told_apart(const struct described_frame *a, const struct described_frame *b)
 {
     struct bus_frame mask[2] = {{0}}, value[2] = {{0}};
 
-    if (a->from_host != b->from_host || a->remote != b->remote) {
-        return a->from_host != b->from_host ? a->remote != b->remote
-                                            : !described_may_be_empty(a, b);
+    if (a->from_host != b->from_host) {
+        return a->remote != b->remote || described_is_exchange(a, b);
+    }
+    if (a->remote != b->remote) {
+        return !described_may_be_empty(a, b);
     }
     if (a->remote) {
         return false; /* lengths do not distinguish them */

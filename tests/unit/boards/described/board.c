@@ -996,6 +996,29 @@ TEST(the_words_for_registers_work_alone)
     play(text, exchange, ARRAY_COUNT(exchange));
 }
 
+/* LK-TECH's motors answer 0x140 + number with the same identifier: 0x9c with 25 degree C, a command
+ * that only switches with its first byte. */
+TEST(a_drive_answers_with_the_identifier_of_its_request)
+{
+    static const char text[] =
+        "name: lk\nstates: [{name: idle, law: \"off\"}, {name: run, value: 1, law: voltage}]\n"
+        "frames:\n"
+        "  - {name: ON, from: host, id: 0x140, by: address, enter: run, reply: ECHO, length: 8, "
+        "fields: [{name: command, bits: 8, value: 0x88}]}\n"
+        "  - {name: STATE, from: host, id: 0x140, by: address, reply: STATUS, length: 8, "
+        "fields: [{name: command, bits: 8, value: 0x9c}]}\n"
+        "  - {name: STATUS, from: board, id: 0x140, by: address, length: 8, fields: [{name: "
+        "command, bits: 8, value: 0x9c}, {name: t, bits: 8, source: temperature}]}\n"
+        "  - {name: ECHO, from: board, id: 0x140, by: address, length: 8, fields: [{name: "
+        "command, bits: 8, source: echo}]}\n";
+    static const struct exchange exchange[] = {
+        {0x141, 0x141, "9c 00 00 00 00 00 00 00", "9c 19 00 00 00 00 00 00"},
+        {0x141, 0x141, "88 00 00 00 00 00 00 00", "88 00 00 00 00 00 00 00"},
+    };
+
+    play(text, exchange, ARRAY_COUNT(exchange));
+}
+
 /* A drive whose firmware has another constant than its motor reports another torque: 2 A at
  * 4.1 Nm/A are 8.2 Nm, told as 0.5 x 8.2 + 1 = 5.1 Nm, count 2208 of 4095 over 130 Nm. */
 TEST(a_drive_reports_by_the_factors_of_the_rig)

@@ -99,7 +99,7 @@ static const struct {
     {FRAME "  - {name: A b, from: host, id: 1}\n", "toy.yaml:6:5: found the name \"A b\""},
     /* identifiers that are of two frames on every bus */
     {FRAME "  - {name: A, from: host, id: 0x10, by: address}\n"
-           "  - {name: B, from: board, id: 0x10, by: address}\n",
+           "  - {name: B, from: board, id: 0x10, by: address, period_s: 0.001}\n",
      "toy.yaml:7:32: found identifier 0x11 of frame \"B\" from the board, which frame \"A\" (line "
      "6) from the host has"},
     {FRAME
