@@ -68,18 +68,17 @@ enum error_code import_find_boards(const char *name, struct arena *arena,
     /* The name of a protocol file, or the path of a user's own file; a rig file names the copy
      * ../protocols/NAME */
     if (!strpbrk(name, "/.")) {
-        struct error unused;
+        enum error_code code = config_locate_from(CONFIG_PROTOCOL, name, "", arena, &path, error);
         const bool follows =
-            fd && !config_locate_from(CONFIG_PROTOCOL, word, "", arena, &path, &unused) &&
-            config_locate_from(CONFIG_PROTOCOL, name, "", arena, &path, &unused);
+            code == ERROR_INPUT && fd &&
+            !config_locate_from(CONFIG_PROTOCOL, word, "", arena, &path, &(struct error){0});
 
         boards->name = follows ? arena_strdup(arena, word) : name;
         if (!boards->name) {
             return error_set(error, ERROR_MEMORY, "no memory for the protocol");
         }
-        return config_locate_from(CONFIG_PROTOCOL, boards->name, "", arena, &path, error)
-                   ? error_prefix(error, "--protocol")
-                   : boards_read_file(path, follows, arena, boards, error);
+        return code && !follows ? error_prefix(error, "--protocol")
+                                : boards_read_file(path, follows, arena, boards, error);
     }
     if (!realpath(name, real)) {
         return error_set(error, ERROR_INPUT,
