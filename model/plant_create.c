@@ -211,6 +211,9 @@ static bool allocate_plant(struct plant *plant, struct arena *arena)
     TAKE(plant->bridge_on, plant->ndrive);
     TAKE(plant->bridge, plant->has_effects ? plant->ndrive : 0);
     TAKE(plant->mode, plant->has_effects ? plant->ndrive : 0);
+    TAKE(plant->loop, plant->ndrive);
+    TAKE(plant->delayed, plant->ndrive);
+    TAKE(plant->ndelayed, plant->ndrive);
     TAKE(plant->pretension_rate, plant->nspring);
     TAKE(plant->valve_voltage, plant->nhydraulic);
 
@@ -341,6 +344,9 @@ enum error_code plant_create(const struct plant_config *config, struct arena *ar
 
     /* Compute derived data, then set the reset state */
     number_actuators(made);
+    if (!plant_loop_create(made, arena)) {
+        return error_set(error, ERROR_MEMORY, "no memory for the plant of %s", robot->name);
+    }
     if (made->implicit) {
         implicit_prepare_drives(made);
     }

@@ -204,14 +204,16 @@ static void derive_drives(const struct plant *plant, const double *state, double
             plant_effects_derive(plant, state, d, derivative, work);
             continue;
         }
-        sea_derivative(sea, &drive, q, qd, plant->voltage[d], plant->bridge_on[d], &rate);
+        const double voltage = plant_drive_voltage(plant, state, d);
+
+        sea_derivative(sea, &drive, q, qd, voltage, plant->bridge_on[d], &rate);
         out[DRIVE_MOTOR_POSITION] = rate.qm;
         out[DRIVE_MOTOR_SPEED] = rate.qmd;
         out[DRIVE_CURRENT] = rate.I;
         if (work) {
             struct sea_power power;
 
-            sea_power(sea, &drive, q, qd, plant->voltage[d], &power);
+            sea_power(sea, &drive, q, qd, voltage, &power);
             work[WORK_ELECTRICAL] += power.electrical;
             work[WORK_JOULE] += power.joule;
             work[WORK_FRICTION] += power.friction;
@@ -258,7 +260,7 @@ void plant_derivative(void *context, double t, const double *state, double *deri
     double *work = plant->config.account_energy ? derivative + plant->at.work : NULL;
     struct plant_load load;
 
-    (void)t; /* the command is held, so the time is not needed */
+    plant->within_s = t;
     memset(derivative, 0, plant->at.count * sizeof *derivative);
 
     /* Compute the accelerations. After a failure they are zero, also in the remaining stages of the

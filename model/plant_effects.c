@@ -159,13 +159,20 @@ void plant_effects_derive(const struct plant *plant, const double *state, size_t
     const size_t j = plant->drive_joint[d];
     const double q = plant_joint_position(plant, state, j), qd = plant_joint_rate(plant, state, j);
     const struct effects_state effects = plant_effects_state(plant, state, d);
+    struct effects_bridge bridge = plant->bridge[d];
+    struct effects_mode mode = plant->mode[d];
     struct effects_state rate;
     struct effects_power power;
 
-    effects_derivative(&plant->sea[d], &effects, q, qd, &plant->bridge[d], &plant->mode[d], &rate);
+    /* A current controller compensates the lost voltage of the bridge: its current passes zero */
+    bridge.voltage = plant_drive_voltage(plant, state, d);
+    if (plant->loop[d].on) {
+        mode.flow = effects.sea.I < 0.0 ? -1 : 1;
+    }
+    effects_derivative(&plant->sea[d], &effects, q, qd, &bridge, &mode, &rate);
     plant_effects_store(plant, d, &rate, derivative);
     if (work) {
-        effects_power(&plant->sea[d], &effects, q, qd, &plant->bridge[d], &plant->mode[d], &power);
+        effects_power(&plant->sea[d], &effects, q, qd, &bridge, &mode, &power);
         work[WORK_ELECTRICAL] += power.electrical;
         work[WORK_JOULE] += power.joule;
         work[WORK_FRICTION] += power.motor;
@@ -241,7 +248,8 @@ void plant_effects_end(struct plant *plant)
         if (effects_sticks(sea) && plant->state[speed] * plant->mode[d].slide < 0.0) {
             stop_at_zero(plant, speed, sea->J, WORK_GEAR);
         }
-        if (plant->bridge[d].hold > 0.0 && plant->state[current] * plant->mode[d].flow < 0.0) {
+        if (!plant->loop[d].on && plant->bridge[d].hold > 0.0 &&
+            plant->state[current] * plant->mode[d].flow < 0.0) {
             stop_at_zero(plant, current, sea->L, WORK_JOULE);
         }
     }
@@ -260,12 +268,16 @@ static double plant_bridge_power(const struct plant *plant, const double *state)
         if (plant->sea[d].effects) {
             const struct effects_state effects = plant_effects_state(plant, state, d);
             const struct effects_mode mode = {.flow = (I > 0.0) - (I < 0.0)};
+            struct effects_bridge bridge = plant->bridge[d];
             struct effects_power taken;
 
-            effects_power_current(&plant->sea[d], &effects, &plant->bridge[d], &mode, &taken);
+            if (plant->loop[d].on) {
+                bridge.voltage = plant_drive_voltage(plant, state, d);
+            }
+            effects_power_current(&plant->sea[d], &effects, &bridge, &mode, &taken);
             power += taken.electrical;
         } else {
-            power += plant->voltage[d] * I;
+            power += plant_drive_voltage(plant, state, d) * I;
         }
     }
     return power;

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The interface between the boards and the plant: terminal voltages in, true physical quantities
- * out. The boards have no other access to the model; they add quantization, noise and delay. SI
- * units; angles and torques on the link side of the gear. The plant owns the arrays for its
- * lifetime. Plain data, RT-safe.
+ * The interface between the boards and the plant: terminal voltages or current targets in, true
+ * physical quantities out. The boards have no other access to the model; they add quantization,
+ * noise and delay. SI units; angles and torques on the link side of the gear. The plant owns the
+ * arrays for its lifetime. Plain data, RT-safe.
  */
 #ifndef MODEL_PLANT_IO_H
 #define MODEL_PLANT_IO_H
@@ -23,10 +23,27 @@ enum drive_condition {
     DRIVE_IMPOSED = 1 << 6,      /* not a fault: the rotor turns at rotor_rad_s under any load */
 };
 
+/* A command to a drive's own current controller (model/drives/current_loop.h). The controller
+ * follows
+ *
+ *     current_a + stiffness_a_rad * (position_rad - qm) + damping_a_s_rad * (speed_rad_s - qm')
+ *
+ * within +-limit_a at all times, also between ticks. qm' is the true speed; qm has the error that
+ * reading_rad has at the start of the step. */
+struct current_law {
+    bool on;                   /* true: the law, not voltage_v, sets the voltage */
+    double current_a, limit_a; /* limit_a: INFINITY = none, 0 = no current */
+    double stiffness_a_rad, position_rad;
+    double reading_rad; /* the motor's angle as the controller reads it now */
+    double damping_a_s_rad, speed_rad_s;
+    double bandwidth_rad_s; /* 0 = that of the drive, 2 pi current_loop_hz */
+};
+
 /* The command of one drive's bridge for the next tick. */
 struct motor_command {
-    bool bridge_on;      /* false: the bridge is open, the winding carries no current */
-    double voltage_v;    /* average terminal voltage; the plant clips it to +-supply */
+    bool bridge_on;   /* false: the bridge is open, the winding carries no current */
+    double voltage_v; /* average terminal voltage; the plant clips it to +-supply */
+    struct current_law law;
     double pretension_m; /* p of the parallel spring, paper eq. (5) */
     unsigned condition;  /* condition of the drive: bits of enum drive_condition */
     /* speed of the rotor for DRIVE_IMPOSED, link side, rad/s; DRIVE_JAM has priority */
@@ -66,7 +83,7 @@ struct motor_sense {
     /* moments on the link across its joint's axis, about two axes fixed in the link; 0 unless
      * plant_config's bending is set */
     double bending_nm[2];
-    double voltage_v; /* applied, after saturation */
+    double voltage_v; /* applied, after saturation; of a current law: now */
     double winding_c; /* deg C; PLANT_AMBIENT_C without a thermal model */
     /* For a hydraulic joint; its motor angle is the joint's angle and its current is 0 */
     double pressure_pa[2]; /* gauge pressure on the piston side and on the rod side */

@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Declarations shared by the parts of the plant: plant_create.c (configuration, memory),
- * plant_step.c (stepping), plant_derive.c (right-hand side), plant_effects.c (drives with effects,
- * the supply), plant_contact.c, plant_free.c (free bodies), plant_sample.c (sensors),
- * plant_energy.c, plant_account.c, implicit/, settle.c. Units and frames as in model/plant.h.
- * RT-safe unless said otherwise.
+ * plant_step.c (stepping), plant_loop.c (current controllers), plant_derive.c (right-hand side),
+ * plant_effects.c (drives with effects, the supply), plant_contact.c, plant_free.c (free bodies),
+ * plant_sample.c (sensors), plant_energy.c, plant_account.c, implicit/, settle.c. Units and frames
+ * as in model/plant.h. RT-safe unless said otherwise.
  */
 #ifndef MODEL_PLANT_PRIVATE_H
 #define MODEL_PLANT_PRIVATE_H
 
 #include "model/drives/effects.h"
+#include "model/drives/current_loop.h"
 #include "model/hydraulics/hydraulic.h"
 #include "model/hydraulics/supply.h"
 #include "model/integrator.h"
@@ -129,8 +130,16 @@ struct plant {
     bool *bridge_on;
     struct effects_bridge *bridge; /* of each drive with effects */
     struct effects_mode *mode;     /* of each drive with effects, in a substep of rk4 and dopri5 */
-    double *pretension_rate;       /* of each parallel spring */
-    double *valve_voltage;         /* of each cylinder */
+    /* Of each drive: its own current controller, and the last ndelayed commands to it, one a
+     * substep */
+    struct current_loop *loop;
+    struct loop_command **delayed;
+    size_t *ndelayed;
+    bool has_loops;          /* a controller is on */
+    size_t substeps;         /* number of substeps with controllers */
+    double within_s;         /* time of an evaluated state from the start of its substep */
+    double *pretension_rate; /* of each parallel spring */
+    double *valve_voltage;   /* of each cylinder */
 
     /* Scratch of one evaluation */
     double *q; /* generalized coordinates, with a unit quaternion */
@@ -253,6 +262,18 @@ void plant_effects_derive(const struct plant *plant, const double *state, size_t
  * plant_effects_end sets values to zero that crossed zero in the substep. */
 void plant_effects_begin(struct plant *plant);
 void plant_effects_end(struct plant *plant);
+
+/* Current controllers: plant_loop.c. plant_loop_create allocates the commands under way;
+ * returns false if the arena is full. plant_loop_hold takes the command of a drive at the start
+ * of a step. plant_loops_begin and plant_loops_end frame a substep of h seconds. */
+bool plant_loop_create(struct plant *plant, struct arena *arena);
+void plant_loop_hold(struct plant *plant, size_t d, double supply);
+void plant_loops_begin(struct plant *plant);
+void plant_loops_end(struct plant *plant, double h);
+
+/* Returns the voltage of a drive in a state, V: the held voltage, or the voltage that its current
+ * controller sets. */
+double plant_drive_voltage(const struct plant *plant, const double *state, size_t d);
 
 /* Computes the rates of the bus; work may be NULL. */
 void plant_supply_derive(const struct plant *plant, const double *state, double *derivative,

@@ -72,9 +72,11 @@ static void hold_command(struct plant *plant, double seconds)
 {
     double supply = plant_supply(plant);
 
+    plant->has_loops = false;
     for (size_t d = 0; d < plant->ndrive; d++) {
         const struct motor_command *motor = &plant->command.motor[plant->drive_joint[d]];
-        double asked = isnan(motor->voltage_v) ? 0.0 : motor->voltage_v;
+        double given = motor->law.on ? plant->voltage[d] : motor->voltage_v;
+        double asked = isnan(given) ? 0.0 : given;
         double voltage = asked > supply ? supply : asked > -supply ? asked : -supply;
         double *I = &plant->state[plant_drive_offset(plant, d) + DRIVE_CURRENT];
         bool shorted = motor->condition & DRIVE_SHORT, open = motor->condition & DRIVE_OPEN_PHASE;
@@ -94,6 +96,9 @@ static void hold_command(struct plant *plant, double seconds)
         }
         plant->bridge_on[d] = (motor->bridge_on || shorted) && !open;
         plant->voltage[d] = plant->bridge_on[d] && !shorted ? voltage : 0.0;
+        if (motor->law.on || plant->loop[d].on) {
+            plant_loop_hold(plant, d, supply);
+        }
 
         /* An open bridge stops the current immediately: the winding's energy becomes heat */
         if (plant->has_effects) {
@@ -177,6 +182,9 @@ static enum error_code advance_substep(struct plant *plant)
     double h = 1e-9 * (double)plant->config.substep_ns;
 
     plant_keep_state(plant);
+    if (plant->has_loops) {
+        plant_loops_begin(plant);
+    }
     code = integrate_state(plant, h);
     if (code == ERROR_NONE && !state_is_finite(plant)) {
         code = ERROR_INPUT;
@@ -192,6 +200,9 @@ static enum error_code advance_substep(struct plant *plant)
     }
     plant_free_normalize(plant);
     plant->time_ns += plant->config.substep_ns;
+    if (plant->has_loops) {
+        plant_loops_end(plant, h);
+    }
     plant_account_step(plant, h);
     return ERROR_NONE;
 }
@@ -246,6 +257,7 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
             joint[plant->drive_joint[d]];
         plant->voltage[d] = 0.0;
         plant->bridge_on[d] = false;
+        plant->loop[d] = (struct current_loop){.on = false};
         plant->condition[d] = 0;
         plant->sea[d] = robot->joint[plant->drive_joint[d]].sea;
         if (plant->implicit) {

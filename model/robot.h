@@ -120,6 +120,9 @@ struct robot_effects {
     double standby;    /* power of the drive's electronics, W */
 };
 
+/* Default bandwidth of a current controller, Hz (assumed; servo drives state 0.5 to 4 kHz). */
+#define CURRENT_LOOP_HZ 1000.0
+
 /* Series elastic DC drive of a joint, paper eqs (2)-(4); all on the link side of the gear. */
 struct robot_sea {
     bool present;
@@ -134,7 +137,9 @@ struct robot_sea {
     double L;               /* winding inductance, H */
     double deflection;      /* |qm - q| at which the spring meets its stop, rad */
     struct robot_stop stop; /* parallel to the spring, beyond that deflection */
-    const struct robot_effects *effects; /* NULL = none: only eqs (2)-(4) */
+    double current_loop_hz; /* bandwidth of the drive's own current controller; 0 = the default */
+    double command_filter_s, command_delay_s; /* of commanded currents; of all its commands */
+    const struct robot_effects *effects;      /* NULL = none: only eqs (2)-(4) */
 };
 
 /* Hydraulic drive of a revolute joint, model/hydraulics/hydraulic.h. */

@@ -425,6 +425,9 @@ static enum error_code build_electric(struct robot_builder *b, const struct join
     /* Set the paper's constants, then the extensions */
     *sea = drive.sea;
     sea->present = true;
+    if (!yaml_has(&drive.mark, "current_loop_hz")) {
+        sea->current_loop_hz = CURRENT_LOOP_HZ;
+    }
     code = build_spring_stop(b, given, &drive.mark, sea);
     return code ? code : build_effects(b, &drive, sea);
 }

@@ -10,8 +10,9 @@
  *
  * So motor angle, motor speed and current at the end are linear in (d, qm', I) at the start and in
  * r and V. The coefficients come from the matrix exponential of the 5x5 system with r and V as
- * constant states (Van Loan, Computing integrals involving the matrix exponential, 1978). SI units,
- * link side. Pure functions. RT-safe.
+ * constant states (Van Loan, Computing integrals involving the matrix exponential, 1978). A drive
+ * under its own current controller (model/drives/current_loop.h) is a linear system too, with
+ * another third equation and two more states. SI units, link side. Pure functions. RT-safe.
  */
 #ifndef MODEL_DRIVES_DRIVE_FLOW_H
 #define MODEL_DRIVES_DRIVE_FLOW_H
@@ -53,6 +54,51 @@ void drive_flow_make(const struct robot_sea *sea, bool bridge_on, double t,
  * drives whose rotor oscillates on its spring too fast for the step. */
 void drive_flow_make_implicit(const struct robot_sea *sea, bool bridge_on, double t, double scale,
                               struct drive_flow *flow);
+
+/* ---- drives under a current controller ---- */
+
+/* States and constant inputs of the flow of a drive under a current controller. LOOP_ERROR:
+ * position target minus qm, rad; LOOP_FILTER: filtered command minus command, A; LOOP_CONSTANT:
+ * current, A, or voltage, V. */
+enum loop_input {
+    LOOP_DEFLECTION,
+    LOOP_SPEED,
+    LOOP_CURRENT,
+    LOOP_ERROR,
+    LOOP_FILTER,
+    LOOP_STATES,
+    LOOP_RATE = LOOP_STATES,
+    LOOP_CONSTANT,
+    LOOP_INPUTS
+};
+
+/* The winding's equation, I' = constant C + error e + filter f - speed qm' - current I. f decays
+ * with filter_s; 0 = there is none. */
+struct loop_row {
+    double speed, current, error, filter, constant, filter_s;
+};
+
+/* As struct drive_flow. */
+struct loop_flow {
+    double t;
+    double qm[LOOP_INPUTS], qmd[LOOP_INPUTS], I[LOOP_INPUTS];
+};
+
+/* Computes the exact flow of a drive with this winding's equation over t > 0 seconds. Takes about
+ * 4,000 multiplications. */
+void loop_flow_make(const struct robot_sea *sea, const struct loop_row *row, double t,
+                    struct loop_flow *flow);
+
+/* Adds the changes by a flow to a state. */
+static inline void loop_flow_add(const struct loop_flow *flow, const double input[LOOP_INPUTS],
+                                 struct sea_state *state)
+{
+    for (int k = 0; k < LOOP_INPUTS; k++) {
+        state->qm += flow->qm[k] * input[k];
+        state->qmd += flow->qmd[k] * input[k];
+        state->I += flow->I[k] * input[k];
+    }
+}
 
 /* Returns the state after the flow's time, from the present state, the joint's position q, its
  * rate qd and the constant voltage V. */

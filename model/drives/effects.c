@@ -380,6 +380,14 @@ double effects_current_rate(const struct robot_sea *sea, const struct effects_st
                : 0.0;
 }
 
+double effects_steady_voltage(const struct robot_sea *sea, const struct effects_state *state,
+                              const struct effects_bridge *bridge)
+{
+    return effects_resistance(sea, state->winding_c) * state->sea.I +
+           magnet_strength(sea, state->housing_c) * sea->Kw * state->sea.qmd +
+           (state->sea.I < 0.0 ? -bridge->hold : bridge->hold);
+}
+
 void effects_derivative(const struct robot_sea *sea, const struct effects_state *state, double q,
                         double qd, const struct effects_bridge *bridge,
                         const struct effects_mode *mode, struct effects_state *derivative)
@@ -530,6 +538,33 @@ static double solve_speed(const struct robot_sea *sea, const struct speed_equati
     return sense * v;
 }
 
+/* Returns the winding in an implicit step under the current controller. */
+static struct loop_step loop_step_of(const struct robot_sea *sea,
+                                     const struct effects_bridge *bridge, double h, double length,
+                                     const struct effects_state *begin)
+{
+    return (struct loop_step){.loop = bridge->loop,
+                              .R = effects_resistance(sea, begin->winding_c),
+                              .L = sea->L,
+                              .Kw = magnet_strength(sea, begin->housing_c) * sea->Kw,
+                              .hold = bridge->hold,
+                              .t = bridge->begin_s,
+                              .h = h,
+                              .length = length,
+                              .I = begin->sea.I,
+                              .qm = begin->sea.qm};
+}
+
+double effects_loop_current(const struct robot_sea *sea, const struct effects_bridge *bridge,
+                            double h, double length, const struct effects_state *begin,
+                            const struct effects_end *end)
+{
+    const struct loop_step step = loop_step_of(sea, bridge, h, length, begin);
+    const struct loop_line line = loop_linearize(&step, &end->regime);
+
+    return line.I - line.yield * end->state.sea.qmd;
+}
+
 void effects_step_implicit(const struct robot_sea *sea, const struct effects_bridge *bridge,
                            double h, double q, double qd, bool keeps_friction,
                            const struct effects_state *begin, struct effects_end *end)
@@ -548,6 +583,7 @@ void effects_step_implicit(const struct robot_sea *sea, const struct effects_bri
                                       .ratio = gear_slope(sea, qm, 0.0),
                                       .grip = begin->grip,
                                       .bending = h * effects->presliding};
+    const struct loop_step step = loop_step_of(sea, bridge, h, h, begin);
     double cogging = cogging_torque(sea, qm, 0.0);
     double v = begin->sea.qmd, current = begin->sea.I, last;
 
@@ -557,19 +593,29 @@ void effects_step_implicit(const struct robot_sea *sea, const struct effects_bri
         /* Any strength and any damping is passive: take those of the last current */
         const double strength = field_strength(sea, begin->housing_c, end->state.sea.I);
         const double Kt = strength * sea->Kt;
-        const double I =
+        double I =
             mode.flow != 0
                 ? (sea->L * current + h * (bridge->voltage - bridge->hold * mode.flow)) / winding
                 : current;
-        const double yield = mode.flow != 0 ? h * strength * sea->Kw / winding : 0.0;
+        double yield = mode.flow != 0 ? h * strength * sea->Kw / winding : 0.0;
+
+        if (bridge->loop) {
+            const struct loop_line line = loop_linearize(&step, &end->regime);
+
+            I = line.I;
+            yield = line.yield;
+        }
 
         equation.resistance = J_h + effects_damping(sea, end->state.sea.I) + Kt * yield;
         equation.push = J_h * begin->sea.qmd + Kt * I + cogging;
         last = v;
         v = solve_speed(sea, &equation, begin->hysteresis, v, end);
         end->state.sea = (struct sea_state){.qm = qm + h * v, .qmd = v, .I = I - yield * v};
+        if (bridge->loop && loop_revise_regime(&step, v, &end->regime)) {
+            continue;
+        }
         /* A current that would change its sign against the lost voltage ends: solve without it */
-        if (bridge->hold > 0.0 && end->state.sea.I * mode.flow < 0.0) {
+        if (!bridge->loop && bridge->hold > 0.0 && end->state.sea.I * mode.flow < 0.0) {
             current = mode.flow = 0;
             continue;
         }

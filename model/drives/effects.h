@@ -26,7 +26,7 @@
 #ifndef MODEL_DRIVES_EFFECTS_H
 #define MODEL_DRIVES_EFFECTS_H
 
-#include "model/drives/actuator.h"
+#include "model/drives/current_loop.h"
 
 struct effects_state {
     struct sea_state sea;
@@ -44,6 +44,10 @@ struct effects_bridge {
     double diodes;    /* part of hold that heats the diodes */
     double switching; /* switching loss divided by |current|, V */
     double ripple;    /* mean square of the current's ripple, A^2 */
+    /* the drive's own current controller, which then sets the voltage; NULL = it is off. begin_s:
+     * start of an implicit step, from the start of the substep */
+    const struct current_loop *loop;
+    double begin_s;
 };
 
 /* Signs of rotor speed and current; 0 = held at zero. With a presliding stiffness, slide is the
@@ -147,7 +151,8 @@ double effects_energy(const struct robot_sea *sea, const struct effects_state *s
 /* End of an implicit Euler step. */
 struct effects_end {
     struct effects_state state;
-    double torque, slope; /* tau, N m, and its derivative with respect to the joint's rate */
+    double torque, slope;      /* tau, N m, and its derivative with respect to the joint's rate */
+    struct loop_regime regime; /* of the current controller */
 };
 
 /* Advances a drive by an implicit Euler step of h seconds from *begin, while its joint moves from q
@@ -157,6 +162,16 @@ struct effects_end {
 void effects_step_implicit(const struct robot_sea *sea, const struct effects_bridge *bridge,
                            double h, double q, double qd, bool keeps_friction,
                            const struct effects_state *begin, struct effects_end *end);
+
+/* Returns the voltage of the bridge at which the current stays as it is, V. */
+double effects_steady_voltage(const struct robot_sea *sea, const struct effects_state *state,
+                              const struct effects_bridge *bridge);
+
+/* Returns the current after `length` seconds under the current controller, whose step of h seconds
+ * from *begin ended at *end. */
+double effects_loop_current(const struct robot_sea *sea, const struct effects_bridge *bridge,
+                            double h, double length, const struct effects_state *begin,
+                            const struct effects_end *end);
 
 /* Updates the temperatures after t seconds in which the winding received this heat, J (trapezoidal
  * rule). */

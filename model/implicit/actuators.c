@@ -116,7 +116,7 @@ void implicit_refresh_drive(struct plant *plant, size_t d)
     const struct robot_sea *sound = &plant->config.robot->joint[plant->drive_joint[d]].sea;
 
     implicit_refresh_effects(plant, d);
-    implicit_forget_lane(plant, d);
+    implicit_switch_loop(plant, d);
     im->flows[d] = &im->sound[d];
     if (plant->sea[d].J != sound->J || plant->sea[d].Ks != sound->Ks) {
         take_changed_flows(plant, d);
@@ -126,25 +126,45 @@ void implicit_refresh_drive(struct plant *plant, size_t d)
 
 /* ---- drives ---- */
 
-/* Returns the state of a drive after a flow. law: spring law; the joint moves from q at `rate`. */
-static struct sea_state flow_drive(const struct plant *plant, size_t d, enum spring_law law,
-                                   const struct drive_flow *flow, const struct sea_state *drive,
-                                   double q, double rate)
+double implicit_stop_shift(const struct robot_sea *sea, double deflection)
 {
-    const struct robot_sea *sea = &plant->sea[d];
+    return copysign(sea->stop.stiffness * sea->deflection / (sea->Ks + sea->stop.stiffness),
+                    deflection);
+}
+
+/* Returns a span from base in this step. */
+static struct implicit_part part_of(const struct plant *plant, enum spring_law law,
+                                    enum implicit_span span)
+{
+    const struct implicit *im = plant->implicit;
+
+    return (struct implicit_part){
+        .law = law, .level = (int)im->level, .span = span, .step_s = im->h, .begin_s = im->base_s};
+}
+
+/* Returns the state of a drive after a part, whose joint moves from q at `rate`. *slope receives
+ * the derivatives with respect to the rate. */
+static struct sea_state flow_drive(struct plant *plant, size_t d, const struct implicit_part *part,
+                                   const struct sea_state *drive, double q, double rate,
+                                   struct sea_state *slope)
+{
+    const struct drive_flow *flow = drive_flow_of(plant, d, part->law, part->level, part->span);
     double shift = 0.0;
 
-    /* Replace the offset of the stop's law by an equivalent shift of the deflection */
-    if (law == SPRING_PRESSED) {
-        shift = copysign(sea->stop.stiffness * sea->deflection / (sea->Ks + sea->stop.stiffness),
-                         drive->qm - q);
+    if (plant->loop[d].on) {
+        return implicit_follow_loop(plant, d, part, drive, q, rate, slope);
     }
+    if (part->law == SPRING_PRESSED) {
+        shift = implicit_stop_shift(&plant->sea[d], drive->qm - q);
+    }
+    *slope = (struct sea_state){
+        .qm = flow->qm[FLOW_RATE], .qmd = flow->qmd[FLOW_RATE], .I = flow->I[FLOW_RATE]};
     return drive_flow_advance(flow, drive, q + shift, rate, plant->voltage[d]);
 }
 
 /* Returns the spring law of a span. It is PRESSED if the free spring would reach its stop and the
  * stop would then push, not pull. */
-static enum spring_law find_spring_law(const struct plant *plant, size_t d, enum implicit_span span,
+static enum spring_law find_spring_law(struct plant *plant, size_t d, enum implicit_span span,
                                        const struct sea_state *drive, double q, double rate)
 {
     const struct robot_sea *sea = &plant->sea[d];
@@ -155,10 +175,9 @@ static enum spring_law find_spring_law(const struct plant *plant, size_t d, enum
         return SPRING_FREE;
     }
     for (int law = SPRING_FREE; sea->stop.stiffness > 0.0 && law < SPRING_LAWS; law++) {
-        const struct drive_flow *flow =
-            drive_flow_of(plant, d, (enum spring_law)law, (int)plant->implicit->level, span);
-        struct sea_state end = flow_drive(plant, d, (enum spring_law)law, flow, drive, q, rate);
-        double twist = end.qm - q - flow->t * rate;
+        const struct implicit_part part = part_of(plant, (enum spring_law)law, span);
+        struct sea_state slope, end = flow_drive(plant, d, &part, drive, q, rate, &slope);
+        double twist = end.qm - q - drive_flow_of(plant, d, part.law, part.level, span)->t * rate;
 
         if (sea_spring_at(sea, twist, end.qmd - rate).Ks == sea->Ks) {
             return SPRING_FREE;
@@ -173,9 +192,9 @@ void implicit_linearize_drive(struct plant *plant, size_t d)
     size_t j = plant->drive_joint[d];
     double q = plant_joint_position(plant, im->base, j);
     double rate = plant_joint_rate(plant, im->base, j), torque, slope;
-    struct sea_state begin = plant_drive_state(plant, im->base, d), end;
+    struct sea_state begin = plant_drive_state(plant, im->base, d), end, change;
     struct sea_spring spring = {.Ks = plant->sea[d].Ks, .Ds = plant->sea[d].Ds};
-    const struct drive_flow *flow;
+    struct implicit_part part;
 
     if (plant->sea[d].effects) {
         implicit_linearize_effects(plant, d);
@@ -184,8 +203,8 @@ void implicit_linearize_drive(struct plant *plant, size_t d)
 
     /* Predict the state of the drive if the joint keeps its rate */
     im->law[d] = find_spring_law(plant, d, SPAN_STAGE, &begin, q, rate);
-    flow = drive_flow_of(plant, d, im->law[d], (int)im->level, SPAN_STAGE);
-    end = flow_drive(plant, d, im->law[d], flow, &begin, q, rate);
+    part = part_of(plant, im->law[d], SPAN_STAGE);
+    end = flow_drive(plant, d, &part, &begin, q, rate, &change);
 
     /* Compute the spring's torque in this state, and its slope against the rate */
     if (im->law[d] == SPRING_PRESSED) {
@@ -196,8 +215,7 @@ void implicit_linearize_drive(struct plant *plant, size_t d)
     }
     torque = spring.Ks * (end.qm - (q + im->stage_h * rate)) + spring.Ds * (end.qmd - rate) +
              spring.offset;
-    slope =
-        spring.Ks * (flow->qm[FLOW_RATE] - im->stage_h) + spring.Ds * (flow->qmd[FLOW_RATE] - 1.0);
+    slope = spring.Ks * (change.qm - im->stage_h) + spring.Ds * (change.qmd - 1.0);
     im->torque[j] += torque;
     im->extra[j] -= slope * im->stage_h;
 }
@@ -348,9 +366,14 @@ void implicit_linearize_actuators(struct plant *plant)
 static void account_drive(const struct plant *plant, size_t d, const struct sea_state *drive,
                           double q, double qd, double weight, double *work)
 {
+    double voltage = plant->voltage[d];
     struct sea_power power;
 
-    sea_power(&plant->sea[d], drive, q, qd, plant->voltage[d], &power);
+    /* A current controller's voltage without L I', whose energy account_span adds */
+    if (plant->loop[d].on) {
+        voltage = plant->sea[d].R * drive->I + plant->sea[d].Kw * drive->qmd;
+    }
+    sea_power(&plant->sea[d], drive, q, qd, voltage, &power);
     work[WORK_ELECTRICAL] += weight * power.electrical;
     work[WORK_JOULE] += weight * power.joule;
     work[WORK_FRICTION] += weight * power.friction;
@@ -364,13 +387,24 @@ static void account_span(struct plant *plant, size_t d, enum spring_law law,
 {
     static const double simpson[ACCOUNT_PARTS + 1] = {1.0, 4.0, 2.0, 4.0, 1.0};
     struct implicit *im = plant->implicit;
-    const struct drive_flow *part = drive_flow_of(plant, d, law, (int)im->level + 1, span);
+    const double t = drive_flow_of(plant, d, law, (int)im->level + 1, span)->t;
+    const double stored = plant->loop[d].on ? 0.5 * plant->sea[d].L : 0.0;
+    struct implicit_part part = part_of(plant, law, span);
+    struct sea_state slope;
 
+    part.level++;
+    part.step_s /= ACCOUNT_PARTS;
+    im->work[WORK_ELECTRICAL] -= stored * drive.I * drive.I;
     for (int k = 0; k <= ACCOUNT_PARTS; k++) {
-        account_drive(plant, d, &drive, q, qd, simpson[k] * part->t / 3.0, im->work);
-        drive = flow_drive(plant, d, law, part, &drive, q, qd);
-        q += part->t * qd;
+        account_drive(plant, d, &drive, q, qd, simpson[k] * t / 3.0, im->work);
+        if (k == ACCOUNT_PARTS) {
+            break;
+        }
+        drive = flow_drive(plant, d, &part, &drive, q, qd, &slope);
+        q += t * qd;
+        part.begin_s += t;
     }
+    im->work[WORK_ELECTRICAL] += stored * drive.I * drive.I;
 }
 
 /* Raises jump if a spring that was free at the start of the step presses its stop in a span. The
@@ -396,6 +430,8 @@ void implicit_advance_drive(struct plant *plant, size_t d, enum implicit_span sp
     double q = plant_joint_position(plant, im->base, plant->drive_joint[d]);
     struct sea_state drive = plant_drive_state(plant, im->base, d);
     enum spring_law law = im->law[d];
+    struct implicit_part part;
+    struct sea_state slope;
 
     if (plant->sea[d].effects) {
         implicit_advance_effects(plant, d, span, rate, im->base);
@@ -410,8 +446,8 @@ void implicit_advance_drive(struct plant *plant, size_t d, enum implicit_span sp
     if (plant->accounts) {
         account_span(plant, d, law, span, drive, q, rate);
     }
-    drive = flow_drive(plant, d, law, drive_flow_of(plant, d, law, (int)im->level, span), &drive, q,
-                       rate);
+    part = part_of(plant, law, span);
+    drive = flow_drive(plant, d, &part, &drive, q, rate, &slope);
     y[DRIVE_MOTOR_POSITION] = drive.qm;
     y[DRIVE_MOTOR_SPEED] = drive.qmd;
     y[DRIVE_CURRENT] = drive.I;

@@ -106,9 +106,23 @@ static struct effects_span effect_span_of(const struct plant *plant, size_t d,
                                  .all_powers = plant->config.account_energy};
 }
 
+/* A drive under its own current controller counts as stiff at any gain. */
 static bool is_stiff(const struct plant *plant, size_t d)
 {
-    return plant->implicit->effects[d]->is_stiff || plant->implicit->scheme != EFFECTS_USUAL;
+    return plant->implicit->effects[d]->is_stiff || plant->implicit->scheme != EFFECTS_USUAL ||
+           plant->loop[d].on;
+}
+
+/* Returns the bridge of drive d in an implicit step from base. */
+static struct effects_bridge step_bridge(const struct plant *plant, size_t d)
+{
+    struct effects_bridge bridge = plant->bridge[d];
+
+    if (plant->loop[d].on) {
+        bridge.loop = &plant->loop[d];
+        bridge.begin_s = plant->implicit->base_s;
+    }
+    return bridge;
 }
 
 /* Linearizes a stiff drive at a rate of its joint at the end of the stage. */
@@ -117,9 +131,10 @@ static void find_tangent(const struct plant *plant, size_t d, double rate,
 {
     const struct implicit *im = plant->implicit;
     const struct effects_state begin = plant_effects_state(plant, im->base, d);
+    const struct effects_bridge bridge = step_bridge(plant, d);
     struct effects_end end;
 
-    effects_step_implicit(&plant->sea[d], &plant->bridge[d], im->stage_h,
+    effects_step_implicit(&plant->sea[d], &bridge, im->stage_h,
                           plant_joint_position(plant, im->base, plant->drive_joint[d]), rate,
                           im->scheme == EFFECTS_EULER, &begin, &end);
     tangent->rate = rate;
@@ -215,13 +230,20 @@ static double advance_stiff(const struct plant *plant, size_t d, enum implicit_s
     const double h = im->stage_h, scale = span == SPAN_STAGE ? 1.0 : (im->h - h) / h;
     const double q = plant_joint_position(plant, im->base, plant->drive_joint[d]);
     const double t = h * scale, limit = sea->effects->hysteresis;
+    struct effects_bridge bridge = step_bridge(plant, d);
+    const double before = state->sea.I;
+    double current = before;
     struct effects_end end;
     struct effects_mode mode;
 
-    effects_step_implicit(sea, &plant->bridge[d], h, q, rate, im->scheme == EFFECTS_EULER, state,
-                          &end);
-    mode = effects_find_mode(sea, &end.state, q + h * rate, rate, &plant->bridge[d]);
-    effects_power(sea, &end.state, q + h * rate, rate, &plant->bridge[d], &mode, power);
+    effects_step_implicit(sea, &bridge, h, q, rate, im->scheme == EFFECTS_EULER, state, &end);
+    if (bridge.loop) {
+        /* The voltage without L I', whose energy is added below */
+        current = effects_loop_current(sea, &bridge, h, t, state, &end);
+        bridge.voltage = effects_steady_voltage(sea, &end.state, &bridge);
+    }
+    mode = effects_find_mode(sea, &end.state, q + h * rate, rate, &bridge);
+    effects_power(sea, &end.state, q + h * rate, rate, &bridge, &mode, power);
     state->sea.qm += scale * (end.state.sea.qm - state->sea.qm);
     state->sea.qmd += scale * (end.state.sea.qmd - state->sea.qmd);
     state->sea.I += scale * (end.state.sea.I - state->sea.I);
@@ -229,14 +251,18 @@ static double advance_stiff(const struct plant *plant, size_t d, enum implicit_s
     state->hysteresis = fmin(fmax(state->hysteresis, -limit), limit);
     if (sea->effects->presliding > 0.0) {
         const struct effects_carried carried = effects_carried(sea, &end.state, q + h * rate, rate);
-        const double before = state->grip;
+        const double grip = state->grip;
 
         /* Friction takes its work, less the energy of the grip */
-        state->grip = effects_limit_grip(before + scale * (end.state.grip - before),
+        state->grip = effects_limit_grip(grip + scale * (end.state.grip - grip),
                                          effects_friction(sea, state->sea.qmd, &carried));
         power->gear =
             end.state.grip * end.state.sea.qmd -
-            (effects_grip_energy(sea, state->grip) - effects_grip_energy(sea, before)) / t;
+            (effects_grip_energy(sea, state->grip) - effects_grip_energy(sea, grip)) / t;
+    }
+    if (bridge.loop) {
+        state->sea.I = current;
+        power->electrical += 0.5 * sea->L * (current * current - before * before) / t;
     }
     effects_warm(sea, power->joule * t, t, state);
     return t;

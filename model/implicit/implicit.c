@@ -98,6 +98,7 @@ static enum error_code take_first_stage(struct plant *plant)
     const double rest = (1.0 - IMPLICIT_GAMMA) * im->h;
     enum error_code code;
 
+    im->base_s = im->start_s;
     memcpy(im->base, im->begin, bytes);
     memcpy(im->u_base, im->u_begin, im->na * sizeof *im->u_base);
     im->stops_acted = false;
@@ -134,6 +135,7 @@ static enum error_code take_first_stage(struct plant *plant)
 
     /* Advance base to the base of the second stage */
     implicit_advance_actuators(plant, SPAN_TO_BASE, im->u);
+    im->base_s += rest;
     implicit_move(plant, im->u, rest, im->base);
     implicit_advance_bristles(plant, rest);
     for (size_t i = 0; i < im->na; i++) {
@@ -149,6 +151,7 @@ static void take_no_first_stage(struct plant *plant)
     struct implicit *im = plant->implicit;
 
     im->stage_h = im->h;
+    im->base_s = im->start_s;
     im->stops_acted = false;
     memcpy(im->base, im->begin, plant->at.bristle * sizeof *im->base);
     memcpy(im->u_base, im->u_begin, im->na * sizeof *im->u_base);
@@ -251,6 +254,7 @@ static enum error_code step_in_parts(struct plant *plant, enum implicit_level le
     plant_return_state(plant);
     memcpy(im->trend, im->trend_begin, im->na * sizeof *im->trend);
     for (int part = 0; part < parts && !code; part++) {
+        im->start_s = part * (h / parts);
         code = step_part(plant, level, h / parts);
         if (!code) {
             implicit_gather_wrenches(plant);
@@ -260,14 +264,28 @@ static enum error_code step_in_parts(struct plant *plant, enum implicit_level le
 }
 
 /* Returns whether the plant is a drive alone on a joint without any input, whose energy can only
- * fall. */
+ * fall. Its current controller may hold a position, as a spring. */
 static bool lacks_input(const struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
+    const struct current_loop *loop = plant->loop;
+    const struct loop_command *law = &loop->command[1];
 
     return plant->has_effects && robot->nv == 1 && plant->ndrive == 1 && plant->nspring == 0 &&
            plant->config.ncontact == 0 && plant->config.nfree == 0 && !plant->clamped &&
-           (!plant->bridge_on[0] || plant->voltage[0] == 0.0);
+           (loop->on ? loop->filtered == 0.0 && law->current == 0.0 && law->speed == 0.0 &&
+                           loop->switch_s == 0.0
+                     : !plant->bridge_on[0] || plant->voltage[0] == 0.0);
+}
+
+/* Returns the energy of a plant without input, J. */
+static double passive_plant_energy(struct plant *plant)
+{
+    const struct loop_command *law = &plant->loop[0].command[1];
+    const double off = plant_drive_state(plant, plant->state, 0).qm - law->position;
+    const double spring = plant->loop[0].on ? plant->sea[0].Kt * law->stiffness : 0.0;
+
+    return plant_stored_mechanical(plant) + 0.5 * spring * off * off;
 }
 
 /* Returns a bound on the rounding errors of a passive plant's energy, J: of its sum, and of the
@@ -286,7 +304,7 @@ enum error_code implicit_step(struct plant *plant, double h)
 {
     struct implicit *im = plant->implicit;
     const bool passive = lacks_input(plant);
-    const double energy = passive ? plant_stored_mechanical(plant) : 0.0;
+    const double energy = passive ? passive_plant_energy(plant) : 0.0;
     enum implicit_level level;
     enum error_code code;
 
@@ -294,6 +312,7 @@ enum error_code implicit_step(struct plant *plant, double h)
     implicit_hold_lanes(plant);
     memcpy(im->trend_begin, im->trend, im->na * sizeof *im->trend);
     im->scheme = EFFECTS_USUAL;
+    im->start_s = 0.0;
     code = step_part(plant, LEVEL_WHOLE, h);
     if (code) {
         return code;
@@ -306,7 +325,7 @@ enum error_code implicit_step(struct plant *plant, double h)
 
     /* Repeat a step that makes energy by schemes that damp more */
     while (passive && !code && im->load.push == 0.0 && im->scheme < EFFECTS_EULER &&
-           plant_stored_mechanical(plant) - energy > energy_rounding(plant, energy)) {
+           passive_plant_energy(plant) - energy > energy_rounding(plant, energy)) {
         im->scheme++;
         code = step_in_parts(plant, LEVEL_WHOLE, h, im->scheme == EFFECTS_EULER ? 16 : 1);
     }
@@ -363,6 +382,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->sound, plant->ndrive);
     TAKE(im->changed, plant->ndrive);
     TAKE(im->flows, plant->ndrive);
+    TAKE(im->loop_flows, plant->ndrive);
     TAKE(im->law, plant->ndrive);
     im->ngroup = (plant->ndrive + DRIVE_LANES - 1) / DRIVE_LANES;
     TAKE(im->group, im->ngroup);

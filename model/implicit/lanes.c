@@ -27,9 +27,9 @@ static void fill_lane(const struct plant *plant, size_t d, int lane, struct driv
 
     group->Ks[lane] = sea->Ks;
     group->Ds[lane] = sea->Ds;
-    group->room[lane] = sea->effects                ? -1.0
-                        : sea->stop.stiffness > 0.0 ? STOP_NEAR * sea->deflection
-                                                    : (double)INFINITY;
+    group->room[lane] = sea->effects || plant->loop[d].on ? -1.0
+                        : sea->stop.stiffness > 0.0       ? STOP_NEAR * sea->deflection
+                                                          : (double)INFINITY;
     for (int level = 0; level < STEP_LEVELS; level++, stage_h *= 0.25) {
         const struct drive_flow *flow =
             plant->implicit->flows[d]->of[SPRING_FREE][plant->bridge_on[d]][level];

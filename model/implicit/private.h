@@ -1,16 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Declarations that the parts of the implicit integrator share: implicit.c (steps and their
- * length), stage.c (one stage), actuators.c (drives and springs), lanes.c (two drives per vector
- * register), effects.c (drives with effects), hydraulic.c (hydraulic joints), contact.c (pairs in
- * contact), bristle.c (bristles of the pairs), solve.c (the linear system with the joint
- * couplings). implicit.c explains the scheme and its symbols. The index of a contact body is the
- * index of its motion in the array given to the engine. SI units. The plant owns the memory.
- * Functions return all errors. RT-safe.
+ * length), stage.c (one stage), actuators.c (drives and springs), current_loop.c (current
+ * controllers), lanes.c (two drives per vector register), effects.c (drives with effects),
+ * hydraulic.c (hydraulic joints), contact.c (pairs in contact), bristle.c (bristles of the pairs),
+ * solve.c (the linear system with the joint couplings). implicit.c explains the scheme and its
+ * symbols. The index of a contact body is the index of its motion in the array given to the
+ * engine. SI units. The plant owns the memory. Functions return all errors. RT-safe.
  */
 #ifndef MODEL_IMPLICIT_PRIVATE_H
 #define MODEL_IMPLICIT_PRIVATE_H
 
+#include "model/drives/current_loop.h"
 #include "model/drives/drive_flow.h"
 #include "model/drives/effects_flow.h"
 #include "model/implicit/implicit.h"
@@ -69,6 +70,22 @@ struct drive_flows {
     struct drive_flow of[SPRING_LAWS][2][FLOW_LEVELS][SPANS];
 };
 
+/* A drive's flows under its own current controller, by spring law, level, span and regime; t 0 =
+ * not known. row: the winding's equation that they belong to. */
+struct loop_flows {
+    struct loop_row row;
+    struct loop_flow of[SPRING_LAWS][FLOW_LEVELS][SPANS][LOOP_KINDS];
+};
+
+/* A span of a step, or of a part of a step. */
+struct implicit_part {
+    enum spring_law law;
+    int level;
+    enum implicit_span span;
+    double step_s;  /* length of the step or part */
+    double begin_s; /* start of the span, from the start of the substep */
+};
+
 /* Number of drives per vector register of the baseline instruction set. */
 enum { DRIVE_LANES = 2 };
 typedef double drive_lanes __attribute__((vector_size(DRIVE_LANES * sizeof(double))));
@@ -86,7 +103,7 @@ struct drive_group {
 
     /* Constant over a step */
     drive_lanes V, Ks, Ds;
-    drive_lanes room; /* largest deflection far from the stop, rad; -1: drive with effects */
+    drive_lanes room; /* largest deflection far from the stop, rad; -1: effects or a controller */
     struct drive_lane_flow flow[STEP_LEVELS][SPANS]; /* flow with a free spring */
     drive_lanes extra[STEP_LEVELS];                  /* inertia on the joint in the stage */
 
@@ -120,7 +137,8 @@ struct implicit_effects {
  * rotation. States have the plant's layout. */
 struct implicit {
     /* The step */
-    double h; /* length of the step, s */
+    double h;               /* length of the step, s */
+    double start_s, base_s; /* of the step and of base, from the start of the substep */
     enum implicit_level level;
     double *begin;         /* state at the start of the step */
     double *u_begin, *u_1; /* rates at the start and at the first stage */
@@ -142,6 +160,7 @@ struct implicit {
     /* of each drive: flows for its own parameters, and for the parameters in a condition */
     struct drive_flows *sound, *changed;
     const struct drive_flows **flows; /* of each drive: the flows in use */
+    struct loop_flows *loop_flows;    /* of each drive */
     enum spring_law *law;             /* of each drive: spring law in this stage */
     /* The same three arrays, for drives with effects */
     struct implicit_effects *effects_sound, *effects_changed;
@@ -285,6 +304,16 @@ void implicit_advance_actuators(struct plant *plant, enum implicit_span span, co
  * span with its joint at the given rate. */
 void implicit_linearize_drive(struct plant *plant, size_t d);
 void implicit_advance_drive(struct plant *plant, size_t d, enum implicit_span span, double rate);
+
+/* Returns the shift of the deflection that replaces the offset of the stop's law. */
+double implicit_stop_shift(const struct robot_sea *sea, double deflection);
+
+/* Returns the state of a drive under its own current controller after a part; its joint moves from
+ * q at `rate`. *slope receives the derivatives with respect to the rate (current_loop.c). */
+struct sea_state implicit_follow_loop(struct plant *plant, size_t d,
+                                      const struct implicit_part *part,
+                                      const struct sea_state *drive, double q, double rate,
+                                      struct sea_state *slope);
 
 /* Adds `weight` seconds times the powers of parallel springs, end stops and joint couplings to
  * work. offset: time from state to the pretensions used, s. */
