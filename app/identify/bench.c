@@ -43,6 +43,7 @@ static const struct yaml_field column_fields[] = {
     TEXT("supply", false, supply),
     TEXT("gain", false, gain_word),
     TEXT("torque", false, torque),
+    TEXT("set_current", false, set_current),
     {"voltage_before", YAML_BOOL, false, .offset = AT(voltage_before)},
 };
 static const struct yaml_schema column_schema =
@@ -73,8 +74,11 @@ static const struct yaml_schema sigma_schema =
 
 #define STRUCT bench_law
 static const struct yaml_field law_fields[] = {
-    REAL("duty_per_rad", true, duty_per_rad, 1e-9, 1e6),
+    REAL("duty_per_rad", false, duty_per_rad, 1e-9, 1e6),
     REAL("duty_max", false, duty_max, 1e-3, 1.0),
+    REAL("torque_kp", false, torque_kp, 1e-9, 1e6),
+    REAL("torque_period_s", false, torque_period_s, 0.0, 1.0),
+    REAL("torque_delay_s", false, torque_delay_s, 0.0, 0.1),
 };
 static const struct bench_law law_defaults = {.duty_max = 1.0};
 static const struct yaml_schema law_schema =
@@ -266,10 +270,12 @@ static enum error_code check_recordings(const struct bench *bench, struct error 
                           "\"points\" of a \"rig\" or a \"drive\"",
                           !bench->rig ? "rig" : "columns");
     }
-    if (!!bench->columns.goal + !!bench->columns.voltage + !!bench->columns.torque != 1) {
+    if (!!bench->columns.goal + !!bench->columns.voltage + !!bench->columns.torque +
+            !!bench->columns.set_current !=
+        1) {
         return yaml_error(error, &bench->columns.mark,
-                          "found none or several of the columns \"goal\", \"voltage\" and "
-                          "\"torque\", expected one");
+                          "found none or several of the columns \"goal\", \"voltage\", "
+                          "\"torque\" and \"set_current\", expected one");
     }
     if (recording_columns(&bench->columns) == 0) {
         return yaml_error(error, &bench->columns.mark,
@@ -417,7 +423,9 @@ static enum error_code find_columns(const struct bench_columns *columns, const s
                                     int column[COLUMNS], struct error *error)
 {
     const char *title[COLUMNS] = {columns->time, columns->goal,
-                                  columns->voltage ? columns->voltage : columns->torque,
+                                  columns->voltage  ? columns->voltage
+                                  : columns->torque ? columns->torque
+                                                    : columns->set_current,
                                   columns->enabled, columns->supply};
 
     memcpy(title + COLUMN_SIGNAL, columns->signal, sizeof columns->signal);
@@ -601,7 +609,9 @@ enum error_code recording_read(const struct bench *bench, const char *path, stru
                                     .group = "",
                                     .gain = 1.0,
                                     .voltage_before = bench->columns.voltage_before,
-                                    .is_torque = bench->columns.torque != NULL};
+                                    .command = bench->columns.torque        ? COMMAND_TORQUE
+                                               : bench->columns.set_current ? COMMAND_CURRENT
+                                                                            : COMMAND_VOLTAGE};
     if (word) {
         recording->gain = find_gain(text, comment_size(text), word);
     }

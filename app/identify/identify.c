@@ -125,15 +125,14 @@ static enum error_code find_recording(const struct identify_bench *bench,
                                       const struct bench_recording *one, struct arena *arena,
                                       const char **path, struct error *error)
 {
-    const char *folder = bench->bench.obtain ? getenv("COMAN_HIL_DATA") : NULL,
-               *slash = strrchr(one->file, '/');
+    const char *folder = bench->bench.obtain ? getenv("COMAN_HIL_DATA") : NULL;
     char there[PATH_MAX];
 
     if (!folder) {
         return yaml_resolve_path(yaml_place(&one->mark, "file"), one->file, arena, path, error);
     }
-    snprintf(there, sizeof there, "%.2000s/%.200s/%.1000s", folder, bench->bench.name,
-             slash ? slash + 1 : one->file);
+    snprintf(there, sizeof there, "%.2000s/%.1000s", folder,
+             !strncmp(one->file, "data/", 5) ? one->file + 5 : one->file);
     *path = arena_strdup(arena, there);
     return *path ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory for a path");
 }

@@ -118,6 +118,10 @@ bool parameter_is_written(const struct trial_robot *trial, int parameter);
  * parameters, the recordings with their sources, and the errors that others have published.
  */
 
+/* A recorded command that is not a goal: V, N m of the motor on the gear, or A. Torques and
+ * currents are set points of the drive's own current controller. */
+enum command_kind { COMMAND_VOLTAGE, COMMAND_TORQUE, COMMAND_CURRENT };
+
 /* Measured signals. The first one that a bench has judges it. */
 enum signal {
     SIGNAL_POSITION,       /* joint angle, rad */
@@ -135,16 +139,17 @@ extern const struct signal_kind {
 } signal_kinds[SIGNALS];
 
 /* Titles of a recording's columns; NULL = no such column. A bench file sets exactly one of goal,
- * voltage and torque, and one or more signals. */
+ * voltage, torque and set_current, and one or more signals. */
 struct bench_columns {
     struct yaml_mark mark;
     const char *time, *signal[SIGNALS];
     const char *goal, *voltage; /* set point, rad; voltage at the terminals, V */
-    const char *torque;    /* torque of the motor on the gear, set point of its current loop, N m */
-    const char *enabled;   /* state of the bridge: on above 0.5 */
-    const char *supply;    /* V; the mean is the voltage for a duty of 1 */
-    const char *gain_word; /* the number after this word in the file's comments is the gain */
-    bool voltage_before;   /* a row's voltage was on before its time, as in "run --record" */
+    const char *torque; /* torque of the motor on the gear, set point of its current loop, N m */
+    const char *set_current;  /* set point of the current loop, A */
+    const char *enabled;      /* state of the bridge: on above 0.5 */
+    const char *supply;       /* V; the mean is the voltage for a duty of 1 */
+    const char *gain_word;    /* the number after this word in the file's comments is the gain */
+    bool voltage_before;      /* a row's voltage was on before its time, as in "run --record" */
     bool current_is_optional; /* a recording may lack the column of the current */
 };
 
@@ -154,10 +159,13 @@ struct bench_sigmas {
     double signal[SIGNALS];
 };
 
-/* duty = duty_per_rad gain (goal - position), clipped to duty_max; voltage = duty supply. */
+/* A servo: duty = duty_per_rad gain (goal - position), clipped to duty_max; voltage = duty supply.
+ * A loop about the spring, run at each tick: command = reference + torque_kp (reference - load
+ * torque, torque_delay_s ago); the part in parentheses is computed anew every torque_period_s. */
 struct bench_law {
     struct yaml_mark mark;
     double duty_per_rad, duty_max;
+    double torque_kp, torque_period_s, torque_delay_s;
 };
 
 /* A quantity of a steady state. */
@@ -255,7 +263,7 @@ struct recording {
     bool *enabled;
     double gain, supply; /* supply 0 = as in the rig */
     bool voltage_before;
-    bool is_torque; /* the array voltage contains torques, N m */
+    enum command_kind command; /* what the array voltage contains */
 };
 
 /* Reads a bench file. Memory is from arena. Errors have file:line:column. */
@@ -407,8 +415,8 @@ struct simulation_error simulation_compare(const double *measured, const double 
  * Overshoot is the largest value beyond the change, as a share of it.
  *
  * Sweep: H is the cross spectrum of command and signal divided by the spectrum of the command, both
- * summed in bands of 1 Hz about 1, 2, ... Hz. Bands that have less than a hundredth of the power of
- * the strongest do not count. gain is |H| of the lowest band; bandwidth is the first frequency at
+ * summed in bands of 1 Hz about 1, 2, ... Hz. Bands with less than a tenth of the power of the
+ * strongest do not count. gain is |H| of the lowest band; bandwidth is the first frequency at
  * which |H|, linear between bands, is gain / sqrt 2.
  */
 enum { RESPONSE_BANDS = 100 };
@@ -439,8 +447,8 @@ struct identify_bench {
     bool missing; /* recordings that do not ship are not here; none is read */
 };
 
-/* Mean errors per recording, in the unit of its first signal. crossed is negative if no fit left out
- * the recording. */
+/* Mean errors per recording, in the unit of its first signal. crossed is negative if no fit left
+ * out the recording. */
 struct identify_result {
     struct fit_result fit;
     double start[IDENTIFY_RECORDINGS_MAX];               /* with the initial values */
@@ -452,8 +460,8 @@ struct identify_result {
     char failure[256]; /* why the fit is of no use; "" = it is of use */
 };
 
-/* Reads a bench, its rig and its recordings. Recordings that do not ship are in the folder NAME of
- * the folder that the environment variable COMAN_HIL_DATA names, else at their own paths. */
+/* Reads a bench, its rig and its recordings. For recordings that do not ship, the environment
+ * variable COMAN_HIL_DATA names the folder that replaces "data" in their paths. */
 enum error_code identify_open(const char *path, struct arena *arena, struct identify_bench *bench,
                               struct error *error);
 

@@ -24,7 +24,7 @@ struct log_source {
     struct log_signal position, deflection, command;
     struct log_signal current; /* in the message of the position, else none */
     double command_scale;      /* factor from the command to V or N m */
-    bool is_torque;
+    enum command_kind command_kind;
     bool reported; /* the command is the state of the bridge that a board reports */
 };
 
@@ -128,7 +128,7 @@ static void find_log_current(struct log_source *source, const char *joint, const
 /* Finds the signal of the host's command: a voltage, a percentage of the supply, or a torque.
  * Without one, finds the state of the bridge that the board reports. */
 static bool find_log_command(struct log_source *source, const char *joint, const char *name,
-                             bool is_torque)
+                             enum command_kind kind)
 {
     static const struct log_wanted kinds[] = {
         {.word = "set_point", .unit = "V", .commanded = true},
@@ -136,17 +136,20 @@ static bool find_log_command(struct log_source *source, const char *joint, const
         {.word = "SET_OPEN_LOOP_pwm", .unit = "%", .commanded = true},
         {.word = "pwm", .unit = "%"},
         {.word = "torque", .unit = "Nm", .commanded = true},
+        {.word = "current", .unit = "A", .commanded = true},
     };
     struct log_wanted wanted = {.name = name};
 
     if (name && find_log_signal(source, &wanted, &source->command)) {
-        source->is_torque = is_torque;
+        source->command_kind = kind;
     }
     for (size_t i = 0; i < ARRAY_COUNT(kinds) && !source->command.signal; i++) {
         wanted = kinds[i];
         wanted.joint = joint;
         if (find_log_signal(source, &wanted, &source->command)) {
-            source->is_torque = !strcmp(wanted.unit, "Nm");
+            source->command_kind = !strcmp(wanted.unit, "Nm")  ? COMMAND_TORQUE
+                                   : !strcmp(wanted.unit, "A") ? COMMAND_CURRENT
+                                                               : COMMAND_VOLTAGE;
             source->reported = !wanted.commanded;
         }
     }
@@ -182,11 +185,17 @@ static enum error_code open_source(const struct rig *rig, const char *joint,
     }
     find_log_current(source, joint,
                      columns->current_is_optional ? NULL : columns->signal[SIGNAL_CURRENT]);
-    if (!find_log_command(source, joint, columns->voltage ? columns->voltage : columns->torque,
-                          columns->torque != NULL)) {
+    if (!find_log_command(source, joint,
+                          columns->voltage  ? columns->voltage
+                          : columns->torque ? columns->torque
+                                            : columns->set_current,
+                          columns->torque        ? COMMAND_TORQUE
+                          : columns->set_current ? COMMAND_CURRENT
+                                                 : COMMAND_VOLTAGE)) {
         return error_set(error, ERROR_INPUT,
-                         "found no signal with a voltage or a torque for joint %s, expected its "
-                         "name as column \"voltage\" or \"torque\" of a bench",
+                         "found no signal with a voltage, a torque or a current for joint %s, "
+                         "expected its name as column \"voltage\", \"torque\" or "
+                         "\"set_current\" of a bench",
                          joint);
     }
     return ERROR_NONE;
@@ -301,7 +310,7 @@ enum error_code recording_read_log(const struct rig *rig, const char *joint,
                             .group = "",
                             .gain = 1.0,
                             .voltage_before = true,
-                            .is_torque = source.is_torque};
+                            .command = source.command_kind};
     code = code ? code : read_frames(&source, path, 0, r, &count, error);
     if (!code && count < 16) {
         code = error_set(error, ERROR_INPUT,

@@ -11,7 +11,7 @@ enum { LINES = 20, WEAK_BANDS = 5 };
 
 /* Smallest share of the command's power in the strongest band; share of a step whose mean is its
  * end. */
-#define EXCITED 0.01
+#define EXCITED 0.1
 #define END_SHARE 0.1
 
 /* Returns the time at which a signal first passes a level in the direction of a step, or NAN. */
@@ -63,24 +63,32 @@ static void compute_step(const double *time, const double *command, const double
     }
 }
 
-/* Adds the spectrum of the command, and its cross spectrum with the signal, in the band of 1 Hz
- * about a frequency. The sums over rows are trapezoidal. */
+/* Computes the spectrum of the command, and its cross spectrum with the signal, in the band of 1 Hz
+ * about a frequency. Between rows the command is held and the signal linear: both are sampled at
+ * equal times. */
 static void add_band(const double *time, const double *command, const double *signal, size_t count,
                      double hz, double *power, double complex *cross)
 {
+    const double step = (time[count - 1] - time[0]) / (double)(count - 1);
+
     *power = 0.0;
     *cross = 0.0;
     for (int line = 0; line < LINES; line++) {
         const double w = 2.0 * M_PI * (hz - 0.5 + ((double)line + 0.5) / LINES);
-        double complex input = 0.0, output = 0.0;
+        const double complex turn = CMPLX(cos(w * step), -sin(w * step));
+        double complex input = 0.0, output = 0.0, angle = 1.0;
+        size_t row = 0;
 
-        for (size_t i = 0; i < count; i++) {
-            const double from = time[i > 0 ? i - 1 : 0], to = time[i + 1 < count ? i + 1 : i];
-            const double complex turn =
-                0.5 * (to - from) * CMPLX(cos(w * time[i]), -sin(w * time[i]));
+        for (size_t i = 0; i < count; i++, angle *= turn) {
+            const double t = time[0] + (double)i * step;
 
-            input += command[i] * turn;
-            output += signal[i] * turn;
+            while (row + 2 < count && time[row + 1] <= t) {
+                row++;
+            }
+            input += command[row] * angle;
+            output += (signal[row] + (signal[row + 1] - signal[row]) * (t - time[row]) /
+                                         (time[row + 1] - time[row])) *
+                      angle;
         }
         *power += creal(input * conj(input));
         *cross += output * conj(input);

@@ -93,9 +93,6 @@ static enum error_code make_plant(const struct rig *rig, const struct trial_robo
     return code;
 }
 
-/* Index in the plant's state, after the joint's angle and rate. */
-enum { STATE_MOTOR_SPEED = 2 + DRIVE_MOTOR_SPEED };
-
 /* Returns the mean position at the start of a recording. */
 static double start_position(const struct recording *r)
 {
@@ -130,6 +127,25 @@ static bool sense_signals(const struct trial_robot *trial, struct plant *plant,
     return true;
 }
 
+/* A host's loop about the torque of the spring: the torques of the last ticks, and its error. */
+enum { TORQUES = 1024 };
+struct torque_loop {
+    double torque[TORQUES], error, taken;
+};
+
+/* Returns the command of the loop in tick k, whose row is new or not. */
+static double run_torque_loop(const struct bench_law *law, struct torque_loop *loop, size_t k,
+                              double tick, double now, double reference)
+{
+    const size_t late = (size_t)(law->torque_delay_s / tick + 0.5);
+
+    if (now >= loop->taken + law->torque_period_s) {
+        loop->error = reference - (late <= k ? loop->torque[(k - late) % TORQUES] : 0.0);
+        loop->taken = now;
+    }
+    return reference + law->torque_kp * loop->error;
+}
+
 /* Simulates the recording. */
 static void run_plant(const struct rig *rig, const struct trial_robot *trial,
                       const struct bench_law *law, const struct recording *r, struct plant *plant,
@@ -139,10 +155,10 @@ static void run_plant(const struct rig *rig, const struct trial_robot *trial,
                  supply = r->supply > 0.0 ? r->supply : rig->supply_v;
     const struct robot_sea *sea = &trial->joint.sea;
     struct motor_command *command = plant_command(plant)->motor;
-    double *state, value[2][SIGNALS] = {{0.0}};
-    size_t length, row = 0, next = 0;
+    double value[2][SIGNALS] = {{0.0}};
+    struct torque_loop loop = {.taken = -INFINITY};
+    size_t row = 0, next = 0;
 
-    state = plant_state(plant, &length);
     out->diverged |= !sense_signals(trial, plant, value[1]);
     for (size_t k = 0; next < r->count; k++) {
         const double now = r->time[0] + (double)k * tick;
@@ -164,10 +180,17 @@ static void run_plant(const struct rig *rig, const struct trial_robot *trial,
             command->voltage_v =
                 trial->bench.command_gain *
                 r->voltage[r->voltage_before && row + 1 < r->count ? row + 1 : row];
-            if (r->is_torque) {
-                /* The voltage at which a current loop holds the current for this torque */
-                command->voltage_v =
-                    sea->R * command->voltage_v / sea->Kt + sea->Kw * state[STATE_MOTOR_SPEED];
+            loop.torque[k % TORQUES] = value[1][SIGNAL_LOAD_TORQUE];
+            if (law->torque_kp > 0.0) {
+                command->voltage_v = trial->bench.command_gain *
+                                     run_torque_loop(law, &loop, k, tick, now, r->voltage[row]);
+            }
+            if (r->command != COMMAND_VOLTAGE) {
+                command->law = (struct current_law){
+                    .on = true,
+                    .current_a =
+                        command->voltage_v / (r->command == COMMAND_TORQUE ? sea->Kt : 1.0),
+                    .limit_a = INFINITY};
             }
         }
         memcpy(value[0], value[1], sizeof value[0]);

@@ -181,7 +181,7 @@ TEST(an_output_is_locked_yields_or_turns)
     assert_true(parameter_set_group(
         &trial, &(struct group_number){"a", parameter_find("command_gain"), 2.0}));
     r.signal[SIGNAL_POSITION] = NULL;
-    r.is_torque = true;
+    r.command = COMMAND_TORQUE;
     r.group = "a";
     for (size_t i = 0; i < ROWS; i++) {
         column[2][i] = 0.1;
