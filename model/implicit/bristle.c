@@ -70,10 +70,6 @@ static double friction_power(const struct plant *plant, const struct contact_tan
     /* The wrench on b decreases by D times the difference of both velocities */
     spatial_inertia_unpack(tangent->friction_D, &D);
     spatial_inertia_apply(&D, &beyond, &decrease);
-    for (int i = 0; i < 3; i++) {
-        decrease.l[i] -= pair->grown.l[i];
-        decrease.a[i] -= pair->grown.a[i];
-    }
     return vec3_dot(decrease.l, velocity.l) + vec3_dot(decrease.a, velocity.a) -
            vec3_dot(force, velocity.l) - vec3_dot(moment, velocity.a);
 }

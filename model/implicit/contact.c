@@ -8,7 +8,12 @@
 #include <math.h>
 #include <string.h>
 
-/* Relative accuracy of the normal force that friction at its limit follows. */
+/* Accuracy of friction relative to its limit. Friction aims below the limit by this part, so it
+ * stays within the limit. */
+#define ACCURATE 2e-5
+
+/* Smallest normal force with friction, over the normal force at the point; friction below its limit
+ * may exceed it by the same part. */
 #define SETTLED 1e-6
 
 /* Largest slope of the normal force over the force that friction follows. Near 1 friction jams the
@@ -43,55 +48,69 @@ static struct spatial relative_twist(const struct plant *plant, const struct act
     return x;
 }
 
-/* Adds a wrench on b at a pair's center to the loads of both bodies, if they move; a gets the
- * opposite. */
-static void load_pair(struct plant *plant, const struct active_pair *pair,
-                      const struct spatial *wrench)
+/* Adds a wrench on b at the center of a pair, and a matrix S times scale, to the pair and to both
+ * bodies. Their loads get S times the acceleration from base to point, so that S has no effect at
+ * the point. */
+static void change_pair(struct plant *plant, struct active_pair *pair, const struct spatial *wrench,
+                        double scale, const double S[21])
 {
+    struct implicit *im = plant->implicit;
+    struct spatial_inertia A;
+    struct spatial load;
+    double scaled[21] = {0.0};
+
+    add_scaled(scale, S, scaled, 21);
+    spatial_inertia_unpack(scaled, &A);
+    spatial_inertia_add(&A, &pair->A);
+    spatial_inertia_apply(&A, &pair->point, &load);
+    for (int i = 0; i < 3; i++) {
+        pair->changed.l[i] += wrench->l[i];
+        pair->changed.a[i] += wrench->a[i];
+        load.l[i] += wrench->l[i];
+        load.a[i] += wrench->a[i];
+    }
+
+    /* The wrench on a is opposite to the wrench on b */
     for (int side = PAIR_A; side <= PAIR_B; side++) {
         int contact = pair->body[side];
 
         if (implicit_moves(plant, contact)) {
             struct spatial f = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+            struct spatial_inertia own = A;
             double arm[3];
 
             implicit_arm(plant, contact, pair->center, arm);
-            spatial_add_wrench(side == PAIR_B ? 1.0 : -1.0, wrench, arm, &f);
+            spatial_add_wrench(side == PAIR_B ? 1.0 : -1.0, &load, arm, &f);
             add_contact_wrench(plant, contact, &f,
                                &plant->ext[plant->config.contact_body[contact]]);
-        }
-    }
-}
-
-/* Adds a matrix of a pair to the inertias of both bodies, and to their loads the matrix times the
- * acceleration that leads to the point, which cancels it there. */
-static void resist_pair(struct plant *plant, const struct active_pair *pair,
-                        const struct spatial_inertia *A)
-{
-    struct implicit *im = plant->implicit;
-    struct spatial back;
-
-    spatial_inertia_apply(A, &pair->point, &back);
-    load_pair(plant, pair, &back);
-    for (int side = PAIR_A; side <= PAIR_B; side++) {
-        int contact = pair->body[side];
-
-        if (implicit_moves(plant, contact)) {
-            struct spatial_inertia own = *A;
-            double arm[3];
-
-            implicit_arm(plant, contact, pair->center, arm);
             spatial_inertia_shift(arm, &own);
             spatial_inertia_add(&own, &im->contact_inertia[contact]);
         }
     }
 }
 
+/* Returns whether the friction of a sliding pair would drive it at the solved stage: its velocity
+ * along the friction has reversed. */
+static bool pair_reverses(const struct plant *plant, const struct contact_tangent *tangent,
+                          const struct active_pair *pair)
+{
+    const double h = plant->implicit->stage_h;
+    struct spatial velocity;
+
+    implicit_pair_velocity(plant, pair, &velocity);
+    vec3_add_scaled(velocity.l, h, pair->beyond.l, velocity.l);
+    vec3_add_scaled(velocity.a, h, pair->beyond.a, velocity.a);
+    return vec3_dot(tangent->friction + CONTACT_MOVE_X, velocity.l) +
+               vec3_dot(tangent->friction + CONTACT_TURN_X, velocity.a) >=
+           0.0;
+}
+
 /* Linearizes one pair at the point. */
-static void linearize_pair(struct plant *plant, const struct contact_tangent *tangent,
+static void linearize_pair(struct plant *plant, struct contact_tangent *tangent,
                            struct active_pair *pair)
 {
     struct implicit *im = plant->implicit;
+    const struct spatial none = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
     const double h = im->stage_h;
     double A[21];
 
@@ -101,17 +120,21 @@ static void linearize_pair(struct plant *plant, const struct contact_tangent *ta
     pair->body[PAIR_B] = tangent->body_b;
     memcpy(pair->center, tangent->center, sizeof pair->center);
     pair->point = relative_twist(plant, pair, im->twist_point);
-    memset(&pair->released, 0, sizeof pair->released);
-    memset(&pair->grown, 0, sizeof pair->grown);
-    pair->settled = false;
+    memset(&pair->beyond, 0, sizeof pair->beyond);
+    pair->settled = tangent->sliding > 0.0 && pair_reverses(plant, tangent, pair);
+    if (pair->settled) {
+        add_scaled(1.0, tangent->slide_D, tangent->D, 21);
+        add_scaled(1.0, tangent->slide_D, tangent->friction_D, 21);
+    }
     pair->followed = pair->followed_1 = pair->found_1 = tangent->pressing;
 
     /* A = h (D + h K) */
+    memset(&pair->A, 0, sizeof pair->A);
+    memset(&pair->changed, 0, sizeof pair->changed);
     for (int i = 0; i < 21; i++) {
         A[i] = h * (tangent->D[i] + h * tangent->K[i]);
     }
-    spatial_inertia_unpack(A, &pair->A);
-    resist_pair(plant, pair, &pair->A);
+    change_pair(plant, pair, &none, 1.0, A);
     im->coupled |=
         implicit_moves(plant, pair->body[PAIR_A]) && implicit_moves(plant, pair->body[PAIR_B]);
 }
@@ -205,135 +228,103 @@ static void find_friction_wrench(const struct plant *plant, const struct contact
     spatial_inertia_unpack(tangent->friction_D, &D);
     spatial_inertia_apply(&D, &pair->beyond, &decrease);
     for (int i = 0; i < 3; i++) {
-        wrench->l[i] = tangent->friction[CONTACT_MOVE_X + i] - h * decrease.l[i] + pair->grown.l[i];
-        wrench->a[i] = tangent->friction[CONTACT_TURN_X + i] - h * decrease.a[i] + pair->grown.a[i];
+        wrench->l[i] = tangent->friction[CONTACT_MOVE_X + i] - h * decrease.l[i];
+        wrench->a[i] = tangent->friction[CONTACT_TURN_X + i] - h * decrease.a[i];
     }
 }
 
-/* Returns whether the friction of a sliding pair would drive it at the solved stage: its velocity
- * along the friction has reversed. */
-static bool pair_reverses(const struct plant *plant, const struct contact_tangent *tangent,
-                          const struct active_pair *pair)
+/* Removes a pair that pulls at the solved stage: its surfaces have separated. */
+static void open_pair(struct plant *plant, struct contact_tangent *tangent,
+                      struct active_pair *pair)
 {
-    const double h = plant->implicit->stage_h;
-    struct spatial velocity;
-
-    implicit_pair_velocity(plant, pair, &velocity);
-    vec3_add_scaled(velocity.l, h, pair->beyond.l, velocity.l);
-    vec3_add_scaled(velocity.a, h, pair->beyond.a, velocity.a);
-    return vec3_dot(tangent->friction + CONTACT_MOVE_X, velocity.l) +
-               vec3_dot(tangent->friction + CONTACT_TURN_X, velocity.a) >=
-           0.0;
-}
-
-/* Adds a part of D, scaled, to the damping of a pair's friction, to A and to both bodies. */
-static void add_friction_damping(struct plant *plant, struct contact_tangent *tangent,
-                                 struct active_pair *pair, double scale, const double D[21])
-{
-    struct spatial_inertia S;
+    struct contact_world *engine = plant->config.contact;
+    const size_t count = engine->ops->patches(engine, plant->patch, PLANT_PATCHES);
+    struct spatial wrench = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
     double A[21];
 
-    for (int i = 0; i < 21; i++) {
-        A[i] = scale * plant->implicit->stage_h * D[i];
-    }
-    spatial_inertia_unpack(A, &S);
-    spatial_inertia_add(&S, &pair->A);
-    resist_pair(plant, pair, &S);
-    add_scaled(scale, D, tangent->friction_D, 21);
-    implicit_add_contact_inertia(plant);
-    pair->settled = true;
-}
-
-/* Lets a pair whose friction would exceed its limit slide: friction becomes constant along the
- * motion from the point to the stage, at its limit in the direction that it has at the stage.
- * friction: at the stage. */
-static void release_pair(struct plant *plant, struct contact_tangent *tangent,
-                         struct active_pair *pair, const struct spatial *friction)
-{
-    const double part = tangent->friction_max * tangent->pressing / vec3_norm(friction->l);
-    struct spatial_inertia D;
-    struct spatial resisted;
-    double row[6], removed[21], power, trace = 0.0;
-    int at = 0;
-
-    /* D - D u (D u)'/(u' D u), with u the motion */
-    spatial_inertia_unpack(tangent->friction_D, &D);
-    spatial_inertia_apply(&D, &pair->beyond, &resisted);
-    power = vec3_dot(resisted.l, pair->beyond.l) + vec3_dot(resisted.a, pair->beyond.a);
-    for (int i = 0; i < 6; i++) {
-        trace += tangent->friction_D[CONTACT_TANGENT_AT(i, i)];
-    }
-    if (!(power * trace >
-          0.5 * (vec3_dot(resisted.l, resisted.l) + vec3_dot(resisted.a, resisted.a)))) {
-        return; /* D has nothing along u but rounding */
-    }
-    memcpy(row + CONTACT_MOVE_X, resisted.l, sizeof resisted.l);
-    memcpy(row + CONTACT_TURN_X, resisted.a, sizeof resisted.a);
-    for (int i = 0; i < 6; i++) {
-        for (int k = i; k < 6; k++, at++) {
-            removed[at] = row[i] * row[k] / power;
+    /* Take off the wrench at the point, its changes and A */
+    for (size_t i = 0; i < count && i < PLANT_PATCHES; i++) {
+        if (plant->patch[i].pair == pair->index) {
+            vec3_add_scaled(wrench.l, -1.0, plant->patch[i].force, wrench.l);
+            vec3_add_scaled(wrench.a, -1.0, plant->patch[i].moment, wrench.a);
         }
     }
-    add_friction_damping(plant, tangent, pair, -1.0, removed);
-    for (int i = 0; i < 3; i++) {
-        pair->released.l[i] = part * friction->l[i] - tangent->friction[CONTACT_MOVE_X + i];
-        pair->released.a[i] = part * friction->a[i] - tangent->friction[CONTACT_TURN_X + i];
-        tangent->friction[CONTACT_MOVE_X + i] = part * friction->l[i];
-        tangent->friction[CONTACT_TURN_X + i] = part * friction->a[i];
-    }
-    load_pair(plant, pair, &pair->released);
-    tangent->sliding = 1.0;
+    vec3_add_scaled(wrench.l, -1.0, pair->changed.l, wrench.l);
+    vec3_add_scaled(wrench.a, -1.0, pair->changed.a, wrench.a);
+    spatial_inertia_pack(&pair->A, A);
+    change_pair(plant, pair, &wrench, -1.0, A);
+    memset(tangent->friction, 0, sizeof tangent->friction);
+    memset(tangent->friction_D, 0, sizeof tangent->friction_D);
+    tangent->pressing = 0.0;
 }
 
 /* Lets the friction of a sliding pair follow the normal force found at the stage. Friction changes
  * the normal force in turn, almost linearly. So the secant through the last two solutions leads to
- * the force that friction and solution share. */
-static void follow_normal(struct plant *plant, const struct contact_tangent *tangent,
-                          struct active_pair *pair, double found)
+ * the force that friction and solution share. Returns the factor of the friction. */
+static double follow_normal(const struct contact_tangent *tangent, struct active_pair *pair,
+                            double found)
 {
     const double change = pair->followed - pair->followed_1;
     const double slope = change == 0.0 ? 0.0 : (found - pair->found_1) / change;
-    struct spatial added;
-    double growth;
+    const double share = tangent->sliding / tangent->pressing;
 
     pair->followed_1 = pair->followed;
     pair->found_1 = found;
     pair->followed += (found - pair->followed) / (1.0 - fmin(slope, STEEPEST));
-    pair->followed = fmax(0.0, pair->followed);
-    growth = tangent->sliding * (pair->followed / tangent->pressing - 1.0);
-    for (int i = 0; i < 3; i++) {
-        added.l[i] = growth * tangent->friction[CONTACT_MOVE_X + i] - pair->grown.l[i];
-        added.a[i] = growth * tangent->friction[CONTACT_TURN_X + i] - pair->grown.a[i];
-        pair->grown.l[i] += added.l[i];
-        pair->grown.a[i] += added.a[i];
-    }
-    load_pair(plant, pair, &added);
+    pair->followed = fmax(SETTLED * tangent->pressing, pair->followed);
+    return (1.0 + share * (pair->followed - tangent->pressing)) /
+           (1.0 + share * (pair->followed_1 - tangent->pressing));
 }
 
 /* Revises the friction of one pair; returns whether its load or its inertia has changed. */
 static bool revise_pair(struct plant *plant, struct contact_tangent *tangent,
                         struct active_pair *pair)
 {
-    const double normal =
-        fmax(0.0, tangent->pressing - vec3_dot(tangent->normal, pair->decrease.l));
-    struct spatial friction;
-    bool again = false;
+    const double found = tangent->pressing - vec3_dot(tangent->normal, pair->decrease.l);
+    const double normal = (1.0 - ACCURATE) * fmax(0.0, found), least = SETTLED * tangent->pressing;
+    const bool follows =
+        tangent->sliding * fabs(normal - pair->followed) > fmax(least * SETTLED, ACCURATE * normal);
+    const double most =
+        found < 0.0 ? least : fmax(found, follows ? pair->followed : 0.0) * (1.0 + SETTLED);
+    struct spatial friction, change;
+    double D[21] = {0.0}, part, size; /* D: change of the friction's damping */
 
+    /* A pair that pulls without friction is open */
+    if (found < 0.0 && pair->followed <= least) {
+        open_pair(plant, tangent, pair);
+        return true;
+    }
     find_friction_wrench(plant, tangent, pair, &friction);
-    if (!pair->settled && tangent->sliding > 0.0 && pair_reverses(plant, tangent, pair)) {
-        add_friction_damping(plant, tangent, pair, 1.0, tangent->slide_D);
-        again = true;
-    } else if (!pair->settled && tangent->sliding < 1.0 &&
-               vec3_norm(friction.l) >
-                   tangent->friction_max * normal + SETTLED * tangent->pressing) {
-        release_pair(plant, tangent, pair, &friction);
-        again = pair->settled;
+    size = vec3_norm(friction.l);
+    if (size > tangent->friction_max * most) {
+        /* The pair begins to slide: its friction is at the limit, in the direction that it has at
+         * the stage */
+        follow_normal(tangent, pair, normal);
+        part = tangent->friction_max * pair->followed / size;
+        add_scaled(-1.0, tangent->friction_D, D, 21);
+        tangent->sliding = 1.0;
+        pair->settled = true;
+    } else {
+        if (!pair->settled && tangent->sliding > 0.0 && pair_reverses(plant, tangent, pair)) {
+            /* Friction ends together with the velocity */
+            memcpy(D, tangent->slide_D, sizeof D);
+            pair->settled = true;
+        } else if (!follows) {
+            return false;
+        }
+        part = follows ? follow_normal(tangent, pair, normal) : 1.0;
+        memcpy(friction.l, tangent->friction + CONTACT_MOVE_X, sizeof friction.l);
+        memcpy(friction.a, tangent->friction + CONTACT_TURN_X, sizeof friction.a);
     }
-    if (tangent->sliding > 0.0 && fabs(normal - pair->followed) > SETTLED * normal) {
-        follow_normal(plant, tangent, pair, normal);
-        again = true;
+    for (int i = 0; i < 3; i++) {
+        change.l[i] = part * friction.l[i] - tangent->friction[CONTACT_MOVE_X + i];
+        change.a[i] = part * friction.a[i] - tangent->friction[CONTACT_TURN_X + i];
+        tangent->friction[CONTACT_MOVE_X + i] = part * friction.l[i];
+        tangent->friction[CONTACT_TURN_X + i] = part * friction.a[i];
     }
-    return again;
+    change_pair(plant, pair, &change, plant->implicit->stage_h, D);
+    add_scaled(1.0, D, tangent->friction_D, 21);
+    return true;
 }
 
 bool implicit_revise_friction(struct plant *plant)
@@ -345,6 +336,9 @@ bool implicit_revise_friction(struct plant *plant)
         if (im->tangent[t].pressing > 0.0) {
             again |= revise_pair(plant, &im->tangent[t], &im->active[t]);
         }
+    }
+    if (again) {
+        implicit_add_contact_inertia(plant);
     }
     return again;
 }
@@ -376,8 +370,8 @@ void implicit_end_contact(struct plant *plant)
         const struct spatial *beyond = &pair->beyond;
 
         for (int i = 0; i < 3; i++) {
-            pair->decrease.l[i] -= pair->released.l[i] + pair->grown.l[i];
-            pair->decrease.a[i] -= pair->released.a[i] + pair->grown.a[i];
+            pair->decrease.l[i] -= pair->changed.l[i];
+            pair->decrease.a[i] -= pair->changed.a[i];
         }
         im->jump = fmax(im->jump, im->stage_h * sqrt(vec3_dot(beyond->l, beyond->l)));
         for (int side = PAIR_A; side <= PAIR_B; side++) {
@@ -440,68 +434,6 @@ void implicit_gather_wrenches(struct plant *plant)
         vec3_add_scaled(sum->moment, im->h, mean.moment, sum->moment);
         vec3_add_scaled(sum->moment, im->h - im->stage_h, moment[0], sum->moment);
         vec3_add_scaled(sum->moment, im->stage_h, moment[1], sum->moment);
-    }
-}
-
-/* Subtracts a part of a wrench on b at the pair's center from both bodies and from the pair
- * itself. */
-static void take_off_pair(struct plant *plant, struct active_pair *pair, double part,
-                          const struct spatial *wrench)
-{
-    for (int i = 0; i < 3; i++) {
-        pair->decrease.l[i] += part * wrench->l[i];
-        pair->decrease.a[i] += part * wrench->a[i];
-    }
-    for (int side = PAIR_A; side <= PAIR_B; side++) {
-        if (pair->body[side] >= 0) {
-            struct contact_wrench *own = &plant->implicit->wrench[pair->body[side]];
-            struct spatial sum = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-            double arm[3];
-
-            implicit_arm(plant, pair->body[side], pair->center, arm);
-            spatial_add_wrench(side == PAIR_B ? -part : part, wrench, arm, &sum);
-            add_scaled(1.0, sum.l, own->force, 3);
-            add_scaled(1.0, sum.a, own->moment, 3);
-        }
-    }
-}
-
-void implicit_clamp_friction(struct plant *plant)
-{
-    struct implicit *im = plant->implicit;
-
-    for (size_t t = 0; t < im->nactive; t++) {
-        const struct contact_tangent *tangent = &im->tangent[t];
-        struct active_pair *pair = &im->active[t];
-        const double normal = tangent->pressing - vec3_dot(tangent->normal, pair->decrease.l);
-        struct spatial wrench;
-        double friction, most;
-
-        if (tangent->pressing == 0.0) {
-            continue; /* the pair has no bristles */
-        }
-        if (normal <= 0.0) {
-            /* Compute the wrench of the pair on b at the pair's center, at the stage */
-            struct contact_world *engine = plant->config.contact;
-            const size_t count = engine->ops->patches(engine, plant->patch, PLANT_PATCHES);
-
-            memset(&wrench, 0, sizeof wrench);
-            for (size_t i = 0; i < count && i < PLANT_PATCHES; i++) {
-                if (plant->patch[i].pair == pair->index) {
-                    vec3_sub(plant->patch[i].force, pair->decrease.l, wrench.l);
-                    vec3_sub(plant->patch[i].moment, pair->decrease.a, wrench.a);
-                }
-            }
-            take_off_pair(plant, pair, 1.0, &wrench);
-            continue;
-        }
-
-        find_friction_wrench(plant, tangent, pair, &wrench);
-        friction = vec3_norm(wrench.l);
-        most = tangent->friction_max * normal;
-        if (friction > most) {
-            take_off_pair(plant, pair, 1.0 - most / friction, &wrench);
-        }
     }
 }
 

@@ -33,6 +33,8 @@
  *               additional inertia of the pair's bodies.
  *   friction    The rates at the point bend the bristles of sticking friction from the base. The
  *               stage's rates then correct the bend linearly (model/implicit/bristle.c).
+ *               Friction at its limit follows the normal force of the stage, and pairs that pull
+ *               are removed: the stage is then solved again (implicit_revise_friction).
  *   gyroscopic  Gyroscopic moments of free bodies are evaluated at the stage, by iteration.
  *
  * Linear system. A stage is the system (Mass + E + sum Jb^T A_b Jb) a = right-hand side, with the
@@ -328,9 +330,6 @@ enum error_code implicit_step(struct plant *plant, double h)
            passive_plant_energy(plant) - energy > energy_rounding(plant, energy)) {
         im->scheme++;
         code = step_in_parts(plant, LEVEL_WHOLE, h, im->scheme == EFFECTS_EULER ? 16 : 1);
-    }
-    if (!code) {
-        implicit_clamp_friction(plant);
     }
     return code;
 }

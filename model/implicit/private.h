@@ -41,14 +41,12 @@ struct active_pair {
     struct spatial beyond;    /* relative acceleration of the stage, minus `point` */
     /* wrench on b at the point minus wrench on b at the stage: A times beyond */
     struct spatial decrease;
-    /* Changes of friction from its linearization, on b at center: of a pair that begins to slide
-     * in the stage, and with the normal force */
-    struct spatial released, grown;
+    struct spatial changed; /* change of the wrench on b since its linearization */
     /* normal force that friction at its limit follows, N; the same in the last solution, and the
      * normal force that this solution had */
     double followed, followed_1, found_1;
-    bool settled; /* its sliding direction has been damped, or it has begun to slide */
-    double bent;  /* twice the energy of its bristles at the stage's base, J */
+    bool settled; /* it has begun to slide, or its sliding direction has been damped */
+    double bent;  /* twice the energy of the pair's bristles at the base, J */
 };
 
 /* Parts of a free body's accelerations, in its frame. */
@@ -363,34 +361,29 @@ void implicit_advance_hydraulics(struct plant *plant, double t, const double *ra
  * IMPLICIT_TANGENTS pairs. */
 enum error_code implicit_linearize_contact(struct plant *plant);
 
-/* Passes contact_inertia to the dynamics: fills added. */
+/* Fills added from contact_inertia, for the dynamics. */
 void implicit_add_contact_inertia(struct plant *plant);
 
-/* Computes the relative accelerations of the active pairs, and the decrease of their wrenches, from
- * the accelerations a. */
+/* Computes `beyond` and `decrease` of the active pairs from the accelerations a. */
 void implicit_find_contact(struct plant *plant);
 
-/* Keeps friction within its limit at the solved stage: sliding friction follows the normal force;
- * pairs beyond the limit begin to slide; pairs that would reverse are damped. Changes loads and
- * inertias of their bodies. Returns whether there are such pairs; the stage must then be solved
- * again. */
+/* Keeps friction of bristles within its limit at the solved stage. Sliding friction follows the
+ * normal force, pairs beyond the limit begin to slide, pairs that would reverse are damped, and
+ * pairs that pull are removed. Changes loads and inertias of their bodies. Returns true after a
+ * change: the stage must then be solved again. */
 bool implicit_revise_friction(struct plant *plant);
 
 /* Computes the velocity of b against a at a pair's center, at the point. */
 void implicit_pair_velocity(const struct plant *plant, const struct active_pair *pair,
                             struct spatial *velocity);
 
-/* Computes the wrenches at the stage and their power, from the wrenches at the point and
- * implicit_find_contact; raises jump. */
+/* Computes the wrenches at the stage and their power from the wrenches at the point and the
+ * relative accelerations. Updates jump, the largest velocity jump. */
 void implicit_end_contact(struct plant *plant);
 
 /* Adds the mean wrenches of the solved part of a step to the plant's peaks and impulses, and their
  * work to its account. */
 void implicit_gather_wrenches(struct plant *plant);
-
-/* Limits the wrenches at the end of the step for output: surfaces do not pull, and friction is
- * within its cone. The motion and the energy accounts are already complete. */
-void implicit_clamp_friction(struct plant *plant);
 
 /* ---- bristles: bristle.c ---- */
 

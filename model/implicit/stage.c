@@ -10,7 +10,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Largest number of passes that let sliding friction follow the normal force of the stage. */
+/* Largest number of passes that keep friction within its limit. */
 enum { FRICTION_PASSES = 8 };
 
 /* ---- rates ---- */
