@@ -5,7 +5,7 @@
 # squat, in instructions by callgrind: a figure that does not depend on how busy the machine is.
 # Prints TAP.
 program=$1
-# hundredths of a tick of the squat; 444 since friction follows the normal force of each stage, 299
+# hundredths of a tick of the squat; 447 since friction follows the normal force of each stage, 299
 # before
 most=460
 dir=$(mktemp -d) || exit 1

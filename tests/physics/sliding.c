@@ -237,7 +237,8 @@ static double sliding_share(const struct slide *s)
  * Friction obeys Coulomb's law in every tick. The normal force of what rests does not chatter. The
  * way of what slides on is the closed form's, to 1 % and what the bristles and the layers allow
  * until they are bent: mu g/w with w^2 = s/m, where s is the stiffness against a tangential force
- * at the center of mass. Impacts that stop a body, and spheres that sink in, have no closed form. */
+ * at the center of mass. Impacts that stop a body, and spheres that sink in, have no closed form.
+ */
 TEST(random_slides_obey_coulomb_in_every_tick)
 {
     static const enum contact_shape shape[] = {CONTACT_BOX, CONTACT_BOX, CONTACT_BOX,
