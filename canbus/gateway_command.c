@@ -38,15 +38,6 @@ bool gateway_is_step(const struct gateway *gateway, size_t bus, const struct bus
     return lockstep->on && gateway_looks_like_step(lockstep, bus, frame);
 }
 
-/* Checks whether a frame looks like a STEP although the run has no lockstep clock. */
-static bool gateway_is_vain_step(const struct gateway *gateway, size_t bus,
-                                 const struct bus_frame *frame)
-{
-    const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
-
-    return !lockstep->on && lockstep->done_id && gateway_looks_like_step(lockstep, bus, frame);
-}
-
 bool gateway_is_done(const struct gateway *gateway, const struct bus_frame *frame)
 {
     const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
@@ -163,8 +154,11 @@ static void gateway_take_frame(struct gateway *gateway, struct gateway_client *c
         client->step_waits = true;
         return;
     }
-    /* Send the frame as usual, and answer that no DONE will follow */
-    if (gateway_is_vain_step(gateway, bus, &request->frame)) {
+    /* Send a STEP without a lockstep clock as usual, and answer that no DONE will follow */
+    const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
+
+    if (!lockstep->on && lockstep->done_id &&
+        gateway_looks_like_step(lockstep, bus, &request->frame)) {
         gateway_answer_client(
             gateway, client,
             "< error STEP without effect: the clock of this run is not lockstep >");

@@ -417,21 +417,6 @@ static void local_report_wire_drops(struct local_bus *bus)
     }
 }
 
-/* Moves the frames that a port has sent since the last advance to its controllers. The frames
- * become ready at the time of the last advance. The order between ports does not matter, because
- * each controller belongs to one port. */
-static void local_transmit_waiting(struct local_bus *bus, size_t sender)
-{
-    struct ring *ring = local_lane_between(bus, bus->config.max_nodes, sender);
-    const size_t first = bus->nodes[sender].first_controller;
-    const struct local_frame *entry;
-
-    while ((entry = ring_front(ring))) {
-        wire_transmit(bus->wire, first + entry->frame.node, &entry->frame);
-        ring_drop(ring);
-    }
-}
-
 int64_t local_bus_advance(struct local_bus *bus, int64_t now_ns)
 {
     int64_t reached_ns;
@@ -443,8 +428,18 @@ int64_t local_bus_advance(struct local_bus *bus, int64_t now_ns)
     /* Apply plugs and frames first, so that the wire sees them at the time of the last advance */
     local_update_plugs(bus);
     nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
+    /* Move the frames that ports have sent since the last advance to their controllers. The frames
+     * become ready at the time of the last advance. The order between ports does not matter,
+     * because each controller belongs to one port. */
     for (size_t from = 0; from < nodes; from++) {
-        local_transmit_waiting(bus, from);
+        struct ring *ring = local_lane_between(bus, bus->config.max_nodes, from);
+        const size_t first = bus->nodes[from].first_controller;
+        const struct local_frame *entry;
+
+        while ((entry = ring_front(ring))) {
+            wire_transmit(bus->wire, first + entry->frame.node, &entry->frame);
+            ring_drop(ring);
+        }
     }
     reached_ns = wire_advance(bus->wire, now_ns);
     if (reached_ns >= now_ns) {

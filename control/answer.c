@@ -55,18 +55,6 @@ static const char *protocol_state_name(int64_t state)
     return state >= 0 && state <= CAN_PORT_STUCK ? names[state] : "unknown";
 }
 
-/* Returns the load of a bus (0 to 1) since the status `before`. Returns the load since the start if
- * a reset or restore has set the time back. */
-static double status_bus_load(const struct rig_bus *bus, const struct bus_status *now,
-                              int64_t time_ns, const struct bus_status *before, int64_t before_ns)
-{
-    bool onward = time_ns > before_ns && now->bits >= before->bits;
-    double bits = (double)(now->bits - (onward ? before->bits : 0));
-    double span = (double)(time_ns - (onward ? before_ns : 0)) * 1e-9;
-
-    return span > 0.0 ? bits / span / (double)bus->bitrate : 0.0;
-}
-
 /* Makes the list of buses: their counters, and their loads since the status `before`. */
 static json_t *status_buses(const struct control *control, const struct simulator_status *now,
                             const struct simulator_status *before)
@@ -76,7 +64,11 @@ static json_t *status_buses(const struct control *control, const struct simulato
     for (size_t b = 0; b < control->rig->nbus; b++) {
         const struct rig_bus *rig_bus = &control->rig->bus[b];
         const struct bus_status *bus = &now->bus[b];
-        double load = status_bus_load(rig_bus, bus, now->time_ns, &before->bus[b], before->time_ns);
+        bool onward = now->time_ns > before->time_ns && bus->bits >= before->bus[b].bits;
+        double bits = (double)(bus->bits - (onward ? before->bus[b].bits : 0));
+        double span = (double)(now->time_ns - (onward ? before->time_ns : 0)) * 1e-9;
+
+        double load = span > 0.0 ? bits / span / (double)rig_bus->bitrate : 0.0;
 
         control_append(
             &array,

@@ -344,28 +344,6 @@ static void moteus_put_axis(struct client_table *t, const char *joint, unsigned 
 
 /* ---- cia402 ---- */
 
-/* Writes the name of each state of a drive, for its bits of the statusword. */
-static void cia402_put_names(struct client_table *t)
-{
-    static const struct {
-        unsigned mask, bits;
-        const char *name;
-    } states[] = {
-        {0x4f, 0x00, "not_ready"},      {0x4f, 0x40, "switch_on_disabled"},
-        {0x6f, 0x21, "ready"},          {0x6f, 0x23, "switched_on"},
-        {0x6f, 0x27, "enabled"},        {0x6f, 0x07, "quick_stop"},
-        {0x4f, 0x0f, "fault_reaction"}, {0x4f, 0x08, "fault"},
-    };
-
-    for (unsigned word = 0; word < 0x80; word++) {
-        for (size_t i = 0; i < ARRAY_COUNT(states); i++) {
-            if ((word & states[i].mask) == states[i].bits) {
-                fprintf(t->out, "name %u %s\n", word, states[i].name);
-            }
-        }
-    }
-}
-
 /* Writes a frame that writes 0, or a value, to an object. Returns its number. */
 static int cia402_put_write(struct client_table *t, unsigned node, unsigned index, unsigned bytes,
                             int value)
@@ -1026,7 +1004,24 @@ static void table_put_joints(struct client_table *t)
     if (!strcmp(protocol->name, "cia402")) {
         const struct bus_frame sync = {.id = CIA402_SYNC};
 
-        cia402_put_names(t);
+        /* Write the name of each state of a drive, for its bits of the statusword */
+        static const struct {
+            unsigned mask, bits;
+            const char *name;
+        } states[] = {
+            {0x4f, 0x00, "not_ready"},      {0x4f, 0x40, "switch_on_disabled"},
+            {0x6f, 0x21, "ready"},          {0x6f, 0x23, "switched_on"},
+            {0x6f, 0x27, "enabled"},        {0x6f, 0x07, "quick_stop"},
+            {0x4f, 0x0f, "fault_reaction"}, {0x4f, 0x08, "fault"},
+        };
+
+        for (unsigned word = 0; word < 0x80; word++) {
+            for (size_t i = 0; i < ARRAY_COUNT(states); i++) {
+                if ((word & states[i].mask) == states[i].bits) {
+                    fprintf(t->out, "name %u %s\n", word, states[i].name);
+                }
+            }
+        }
         fprintf(t->out, "cycle %d -\n", table_put_frame(t, &sync));
     }
 }

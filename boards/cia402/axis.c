@@ -457,9 +457,13 @@ static void cia402_motor_sample(struct board *board, const struct plant_sensors 
 
 /* ---- faults ---- */
 
-/* Returns the faults and warnings that an axis has now. */
-static uint32_t cia402_axis_present_faults(const struct board *board, struct cia402_axis *axis)
+/* Finds the faults of an axis. New faults cause an event, an emergency message and the fault
+ * reaction. */
+static void cia402_axis_watch_faults(struct cia402_node *node, struct cia402_axis *axis)
 {
+    struct board *board = &node->board;
+
+    /* Find the faults and warnings that the axis has now */
     const struct cia402_axis_settings *p = &axis->settings;
     int64_t link = axis->link_encoder - axis->home, low = p->position_limit[0],
             high = p->position_limit[1];
@@ -471,20 +475,13 @@ static uint32_t cia402_axis_present_faults(const struct board *board, struct cia
     bool stale = expects_commands && enabled && p->timeout_ms > 0 &&
                  board->boards->now_ns - axis->command_ns > p->timeout_ms * MS;
 
-    return axis_find_faults(board, &axis->base, (double)p->current_limit_ma * 1e-3) |
-           (axis->temperature_c > p->temperature_limit_c ? CIA402_FAULT_TEMPERATURE : 0u) |
-           (off_course && cia402_axis_controls_position(axis) && enabled ? CIA402_FAULT_FOLLOWING
-                                                                         : 0u) |
-           (stale ? CIA402_FAULT_STALE : 0u) |
-           (low < high && (link < low || link > high) ? CIA402_FAULT_LIMIT : 0u);
-}
-
-/* Finds the faults of an axis. New faults cause an event, an emergency message and the fault
- * reaction. */
-static void cia402_axis_watch_faults(struct cia402_node *node, struct cia402_axis *axis)
-{
-    struct board *board = &node->board;
-    uint32_t present = cia402_axis_present_faults(board, axis);
+    uint32_t present =
+        axis_find_faults(board, &axis->base, (double)p->current_limit_ma * 1e-3) |
+        (axis->temperature_c > p->temperature_limit_c ? CIA402_FAULT_TEMPERATURE : 0u) |
+        (off_course && cia402_axis_controls_position(axis) && enabled ? CIA402_FAULT_FOLLOWING
+                                                                      : 0u) |
+        (stale ? CIA402_FAULT_STALE : 0u) |
+        (low < high && (link < low || link > high) ? CIA402_FAULT_LIMIT : 0u);
     uint32_t risen = present & ~(axis->present | axis->latched);
     unsigned number = cia402_axis_number(node, axis);
 

@@ -148,16 +148,6 @@ const char *described_checksum_name(enum described_checksum checksum)
                                                   : "";
 }
 
-/* Updates the CRC with a byte, polynomial x^8 + x^4 + x^3 + x^2 + 1. */
-static uint8_t crc8_sae_j1850_step(uint8_t crc, uint8_t byte)
-{
-    crc ^= byte;
-    for (int bit = 0; bit < 8; bit++) {
-        crc = (uint8_t)(crc << 1 ^ (crc & 0x80 ? 0x1d : 0));
-    }
-    return crc;
-}
-
 uint8_t described_checksum(enum described_checksum checksum, const uint8_t *data, size_t length,
                            size_t skip)
 {
@@ -165,8 +155,10 @@ uint8_t described_checksum(enum described_checksum checksum, const uint8_t *data
     uint8_t sum = crc ? 0xff : 0;
 
     for (size_t i = 0; i < length; i++) {
-        if (i != skip) {
-            sum = crc ? crc8_sae_j1850_step(sum, data[i]) : sum ^ data[i];
+        sum ^= i == skip ? 0 : data[i];
+        /* Polynomial of the CRC: x^8 + x^4 + x^3 + x^2 + 1 */
+        for (int bit = 0; bit < 8 && crc && i != skip; bit++) {
+            sum = (uint8_t)(sum << 1 ^ (sum & 0x80 ? 0x1d : 0));
         }
     }
     return crc ? sum ^ 0xff : sum;

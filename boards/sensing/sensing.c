@@ -441,25 +441,6 @@ static enum error_code sensing_make_imu(struct sensing *s, struct arena *arena, 
     return code;
 }
 
-/* Adds an entry for channel `k` of a fault. */
-static enum error_code sensing_add_fault(struct sensing *s, const struct fault *fault, size_t k,
-                                         struct arena *arena, struct error *error)
-{
-    struct sensor_fault *to = &s->fault[s->nfault++];
-    char stream[FAULT_NAME_SIZE + 64];
-
-    snprintf(stream, sizeof stream, "fault %s %zu", fault->name, k);
-    to->fault = fault;
-    to->channel = fault->index + k;
-    to->random = random_named(faults_seed(s->config.faults), stream);
-    if (fault->kind == FAULT_DELAYED) {
-        to->length = sensing_delay_line_length((int64_t)(fault->value[0] * 1e9), s->config.tick_ns);
-    }
-    to->line = arena_alloc(arena, to->length + 1, sizeof *to->line);
-    return to->line ? ERROR_NONE
-                    : error_set(error, ERROR_MEMORY, "no memory left for fault %s", fault->name);
-}
-
 /* Creates one entry for each channel of each sensor fault. */
 static enum error_code sensing_make_faults(struct sensing *s, struct arena *arena,
                                            struct error *error)
@@ -481,7 +462,22 @@ static enum error_code sensing_make_faults(struct sensing *s, struct arena *aren
         const struct fault *fault = faults_at(faults, i);
 
         for (size_t k = 0; fault->target == FAULT_SENSOR && k < fault->channels && !code; k++) {
-            code = sensing_add_fault(s, fault, k, arena, error);
+            /* Add an entry for channel `k` of a fault */
+            struct sensor_fault *to = &s->fault[s->nfault++];
+            char stream[FAULT_NAME_SIZE + 64];
+
+            snprintf(stream, sizeof stream, "fault %s %zu", fault->name, k);
+            to->fault = fault;
+            to->channel = fault->index + k;
+            to->random = random_named(faults_seed(s->config.faults), stream);
+            if (fault->kind == FAULT_DELAYED) {
+                to->length =
+                    sensing_delay_line_length((int64_t)(fault->value[0] * 1e9), s->config.tick_ns);
+            }
+            to->line = arena_alloc(arena, to->length + 1, sizeof *to->line);
+            code = to->line
+                       ? ERROR_NONE
+                       : error_set(error, ERROR_MEMORY, "no memory left for fault %s", fault->name);
         }
     }
     s->ideal = s->ideal && s->nfault == 0;
