@@ -287,12 +287,6 @@ static void icub_put_axis(struct client_table *t, const struct board_config *boa
 /* Writes the frames of a controller. Each of them also reads what the controller reports. */
 static void moteus_put_axis(struct client_table *t, const char *joint, unsigned address)
 {
-    static const uint8_t question[] = {
-        MOTEUS_READ | MOTEUS_INT8 | 1,  MOTEUS_R_MODE,
-        MOTEUS_READ | MOTEUS_FLOAT | 3, MOTEUS_R_POSITION,
-        MOTEUS_READ | MOTEUS_FLOAT | 1, MOTEUS_R_ABS_POSITION,
-        MOTEUS_READ | MOTEUS_INT8 | 3,  MOTEUS_R_VOLTAGE,
-    };
     /* position, velocity, feed-forward torque, scale of kp, scale of kd */
     static const struct {
         const char *quantity;
@@ -314,8 +308,7 @@ static void moteus_put_axis(struct client_table *t, const char *joint, unsigned 
                                5,
                                MOTEUS_R_POSITION_COMMAND};
         unsigned length = rows[i].set >= 0 ? 26 : *rows[i].quantity ? 3 : 0;
-        struct bus_frame frame = {.id = MOTEUS_WANTS_REPLY | moteus_id(0, address),
-                                  .flags = FRAME_EXTENDED | FRAME_FD | FRAME_BRS};
+        struct bus_frame frame;
         int number;
 
         command[2] = rows[i].set >= 0 ? MOTEUS_POSITION : MOTEUS_STOPPED;
@@ -325,10 +318,7 @@ static void moteus_put_axis(struct client_table *t, const char *joint, unsigned 
             memcpy(&bits, &rows[i].value[k], sizeof bits);
             put_u32_le(command + 6 + 4 * k, bits);
         }
-        memset(frame.data, MOTEUS_NOP, MOTEUS_DATA_MAX);
-        memcpy(frame.data, command, length);
-        memcpy(frame.data + length, question, sizeof question);
-        frame.len = frame_fd_length(length + (unsigned)sizeof question);
+        frame = moteus_query(address, command, length);
         number = table_put_frame(t, &frame);
         if (rows[i].set >= 0) {
             fprintf(t->out, "set %s %s %d %d|32@1f %.17g 0 -1e300 1e300 position\n", joint,

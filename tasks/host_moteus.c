@@ -125,27 +125,6 @@ static void host_moteus_read(struct host *host, size_t bus, const struct bus_fra
 
 /* ---- sending ---- */
 
-/* Queues a frame that reads mode, motion and fault. The frame may also have a command. */
-static void host_moteus_queue(struct host *host, size_t bus, unsigned address, unsigned length,
-                              const uint8_t *command)
-{
-    static const uint8_t question[] = {
-        MOTEUS_READ | MOTEUS_INT8 | 1,  MOTEUS_R_MODE,         /* mode */
-        MOTEUS_READ | MOTEUS_FLOAT | 3, MOTEUS_R_POSITION,     /* position, velocity, torque */
-        MOTEUS_READ | MOTEUS_FLOAT | 1, MOTEUS_R_ABS_POSITION, /* the link's angle */
-        MOTEUS_READ | MOTEUS_INT8 | 3,  MOTEUS_R_VOLTAGE,      /* voltage, temperature, fault */
-    };
-    struct bus_frame frame = {.id = MOTEUS_WANTS_REPLY | moteus_id(0, address),
-                              .flags = FRAME_EXTENDED | FRAME_FD | FRAME_BRS};
-
-    memset(frame.data, MOTEUS_NOP, MOTEUS_DATA_MAX);
-    memcpy(frame.data, command, length);
-    memcpy(frame.data + length, question, sizeof question);
-    frame.len = frame_fd_length(length + (unsigned)sizeof question);
-    memset(frame.data + frame.len, 0, MOTEUS_DATA_MAX - frame.len);
-    host_queue(host, bus, &frame);
-}
-
 /* Queues a motor's stop command, or its torque command. */
 static void host_moteus_command(struct host *host, size_t axis)
 {
@@ -176,12 +155,13 @@ static void host_moteus_command(struct host *host, size_t axis)
     put_u32_le(drive + 8, bits);
 
     /* During the start-up, send a stop first, which clears a fault of an earlier run */
-    if (host->want[axis].on &&
-        !(host->phase == HOST_ENABLING && host->joint[axis].motor == HOST_MOTOR_FAULT)) {
-        host_moteus_queue(host, (size_t)of->bus, of->address, sizeof drive, drive);
-    } else {
-        host_moteus_queue(host, (size_t)of->bus, of->address, sizeof stop, stop);
-    }
+    const struct bus_frame frame =
+        host->want[axis].on &&
+                !(host->phase == HOST_ENABLING && host->joint[axis].motor == HOST_MOTOR_FAULT)
+            ? moteus_query(of->address, drive, sizeof drive)
+            : moteus_query(of->address, stop, sizeof stop);
+
+    host_queue(host, (size_t)of->bus, &frame);
 }
 
 /* Queues a read for each controller of the rig (struct host_ops). */
@@ -189,7 +169,9 @@ static void host_moteus_discover(struct host *host, size_t bus)
 {
     for (unsigned address = 1; address <= MOTEUS_ADDRESS_MAX; address++) {
         if (host->line[bus].node[address].kind == HOST_MOTOR_BOARD) {
-            host_moteus_queue(host, bus, address, 0, (const uint8_t *)"");
+            const struct bus_frame frame = moteus_query(address, (const uint8_t *)"", 0);
+
+            host_queue(host, bus, &frame);
         }
     }
 }

@@ -21,7 +21,10 @@
 #ifndef BOARDS_MOTEUS_PROTOCOL_H
 #define BOARDS_MOTEUS_PROTOCOL_H
 
+#include "canbus/frame.h"
+
 #include <stdint.h>
+#include <string.h>
 
 enum {
     MOTEUS_ADDRESS_MAX = 31, /* limit of this program; the protocol allows 126 */
@@ -163,6 +166,27 @@ enum moteus_fault {
 static inline uint32_t moteus_id(unsigned source, unsigned destination)
 {
     return source << 8 | destination;
+}
+
+/* Returns a host's frame with a command, or without one. The frame also reads mode, motion and
+ * fault. */
+static inline struct bus_frame moteus_query(unsigned address, const uint8_t *command,
+                                            unsigned length)
+{
+    static const uint8_t question[] = {
+        MOTEUS_READ | MOTEUS_INT8 | 1,  MOTEUS_R_MODE,         /* mode */
+        MOTEUS_READ | MOTEUS_FLOAT | 3, MOTEUS_R_POSITION,     /* position, velocity, torque */
+        MOTEUS_READ | MOTEUS_FLOAT | 1, MOTEUS_R_ABS_POSITION, /* the link's angle */
+        MOTEUS_READ | MOTEUS_INT8 | 3,  MOTEUS_R_VOLTAGE,      /* voltage, temperature, fault */
+    };
+    struct bus_frame frame = {.id = MOTEUS_WANTS_REPLY | moteus_id(0, address),
+                              .flags = FRAME_EXTENDED | FRAME_FD | FRAME_BRS,
+                              .len = frame_fd_length(length + (unsigned)sizeof question)};
+
+    memset(frame.data, MOTEUS_NOP, frame.len);
+    memcpy(frame.data, command, length);
+    memcpy(frame.data + length, question, sizeof question);
+    return frame;
 }
 
 #endif
