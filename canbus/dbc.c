@@ -657,22 +657,6 @@ static void dbc_put_attributes(const struct dbc *dbc, FILE *file)
     }
 }
 
-/* Writes the names of values (VAL_). */
-static void dbc_put_values(const struct dbc *dbc, FILE *file)
-{
-    for (const struct dbc_message *m = dbc->message; m; m = m->next) {
-        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
-            if (s->value) {
-                fprintf(file, "VAL_ %" PRIu32 " %s", m->id, s->name);
-                for (const struct dbc_value *v = s->value; v; v = v->next) {
-                    fprintf(file, " %" PRId64 " \"%s\"", v->number, v->text);
-                }
-                fputs(" ;\n", file);
-            }
-        }
-    }
-}
-
 enum error_code dbc_write(const struct dbc *dbc, FILE *file, struct error *error)
 {
     /* Write the version, the symbols of the format, and the nodes (BU_) */
@@ -697,7 +681,19 @@ enum error_code dbc_write(const struct dbc *dbc, FILE *file, struct error *error
     fputc('\n', file);
     dbc_put_comments(dbc, file);
     dbc_put_attributes(dbc, file);
-    dbc_put_values(dbc, file);
+
+    /* Write the names of values (VAL_) */
+    for (const struct dbc_message *m = dbc->message; m; m = m->next) {
+        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
+            if (s->value) {
+                fprintf(file, "VAL_ %" PRIu32 " %s", m->id, s->name);
+                for (const struct dbc_value *v = s->value; v; v = v->next) {
+                    fprintf(file, " %" PRId64 " \"%s\"", v->number, v->text);
+                }
+                fputs(" ;\n", file);
+            }
+        }
+    }
 
     /* Write the value type of signals that are IEEE floats (SIG_VALTYPE_ 1) */
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {

@@ -231,19 +231,6 @@ static void local_count_wire_dropped(struct local_node *node)
 
 /* ---- events of the wire ---- */
 
-/* Returns the node that owns a controller of the wire; NULL = none. */
-static struct local_node *local_owner_of(const struct local_bus *bus, size_t controller)
-{
-    const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
-
-    for (size_t i = 0; i < nodes; i++) {
-        if (bus->nodes[i].controller_mask >> controller & 1) {
-            return &bus->nodes[i];
-        }
-    }
-    return NULL;
-}
-
 /* Puts a frame of the wire into the inbox of a node. */
 static void local_deliver_from_wire(struct local_bus *bus, size_t to, const struct bus_frame *frame)
 {
@@ -341,12 +328,16 @@ static enum wire_state local_port_wire_state(const struct local_bus *bus,
  * state. */
 static void local_report_state(struct local_bus *bus, const struct wire_event *event)
 {
-    struct local_node *owner = local_owner_of(bus, event->node);
+    const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
+    struct local_node *owner = NULL; /* of the controller */
     struct wire_event shown = *event;
     enum wire_state before;
     struct bus_frame frame;
 
     bus->state[event->node] = event->state;
+    for (size_t i = 0; i < nodes && !owner; i++) {
+        owner = bus->nodes[i].controller_mask >> event->node & 1 ? &bus->nodes[i] : NULL;
+    }
     if (!owner) {
         return;
     }

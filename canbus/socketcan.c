@@ -690,19 +690,6 @@ static enum error_code socketcan_make_filters(struct socketcan *can,
     return ERROR_NONE;
 }
 
-/* Enlarges the receive buffer; the default holds 278 frames. Exceeds the system's limit if the
- * process has the right. Returns 0, or -1 with errno set. */
-static int socketcan_set_receive_buffer(int socket, int bytes)
-{
-    if (!bytes) {
-        bytes = RECEIVE_BUFFER_DEFAULT;
-    }
-    if (!setsockopt(socket, SOL_SOCKET, SO_RCVBUFFORCE, &bytes, sizeof bytes)) {
-        return 0;
-    }
-    return setsockopt(socket, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes);
-}
-
 /* Sets the options of the socket: error frames, FD, own frames, drop counter, time stamps,
  * buffer. */
 static enum error_code socketcan_set_options(int socket, const struct socketcan_config *config,
@@ -710,6 +697,8 @@ static enum error_code socketcan_set_options(int socket, const struct socketcan_
 {
     static const can_err_mask_t errors = CAN_ERR_MASK;
     static const int on = 1;
+    const int bytes =
+        config->receive_buffer_bytes ? config->receive_buffer_bytes : RECEIVE_BUFFER_DEFAULT;
     const struct {
         bool wanted;
         int level, option;
@@ -731,7 +720,10 @@ static enum error_code socketcan_set_options(int socket, const struct socketcan_
             return error_set_errno(error, errno, "cannot set %s of the CAN socket", option[i].what);
         }
     }
-    if (socketcan_set_receive_buffer(socket, config->receive_buffer_bytes)) {
+    /* Enlarge the receive buffer; the default holds 278 frames. Exceed the system's limit if the
+     * process has the right. */
+    if (setsockopt(socket, SOL_SOCKET, SO_RCVBUFFORCE, &bytes, sizeof bytes) &&
+        setsockopt(socket, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes)) {
         return error_set_errno(error, errno, "cannot set the receive buffer of the CAN socket");
     }
     return ERROR_NONE;

@@ -71,19 +71,6 @@ static int stimulus_find_bus(const struct stimulus_reader *reader, const char *n
     return bus < 0 ? rig_find_bus(reader->rig, name) : bus;
 }
 
-/* Checks whether a board of the simulator sends this 29-bit identifier. */
-static bool stimulus_is_extended_of_boards(const struct stimulus_reader *reader, size_t bus,
-                                           uint32_t id)
-{
-    for (size_t i = 0; i < reader->nextended; i++) {
-        if (reader->extended[i].bus == bus &&
-            (id & ~reader->extended[i].mask) == reader->extended[i].id) {
-            return true;
-        }
-    }
-    return false;
-}
-
 /* Checks whether a frame must be played, because a controller or an external board sent it. */
 static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bus,
                                  const struct bus_frame *frame)
@@ -98,7 +85,13 @@ static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bu
         return true;
     }
     if (frame->flags & FRAME_EXTENDED) {
-        return !stimulus_is_extended_of_boards(reader, bus, frame->id);
+        for (size_t i = 0; i < reader->nextended; i++) {
+            if (reader->extended[i].bus == bus &&
+                (frame->id & ~reader->extended[i].mask) == reader->extended[i].id) {
+                return false;
+            }
+        }
+        return true;
     }
     if (frame->id == lockstep->step_id) {
         return reader->lockstep && bus == (size_t)lockstep->bus;
