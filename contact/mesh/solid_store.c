@@ -67,30 +67,6 @@ size_t solid_store_made(void)
 
 /* ---- finding stored solids ---- */
 
-/* Finds the stored solid with bitwise equal vertices and faces; NULL if there is none. */
-static struct stored_solid *stored_solid_of_mesh(const struct mesh *mesh)
-{
-    struct stored_solid *at = solid_store.first;
-
-    while (at && (at->mesh->nvertex != mesh->nvertex || at->mesh->nface != mesh->nface ||
-                  memcmp(at->mesh->vertex, mesh->vertex, mesh->nvertex * sizeof *mesh->vertex) ||
-                  memcmp(at->mesh->face, mesh->face, mesh->nface * sizeof *mesh->face))) {
-        at = at->next;
-    }
-    return at;
-}
-
-/* Finds the entry of a solid that the store returned; NULL for any other solid. */
-static struct stored_solid *stored_solid_of_solid(const struct solid *solid)
-{
-    struct stored_solid *at = solid_store.first;
-
-    while (at && &at->solid != solid) {
-        at = at->next;
-    }
-    return at;
-}
-
 /* ---- meshes ---- */
 
 /* Reads a mesh into the store; NULL if the store is full or the file is faulty. */
@@ -166,10 +142,17 @@ static struct stored_solid *stored_solid_make(const struct mesh *mesh)
 enum error_code solid_store_find(const struct mesh *mesh, struct arena *arena,
                                  const struct solid **solid, struct error *error)
 {
-    const struct stored_solid *stored = solid_store.open ? stored_solid_of_mesh(mesh) : NULL;
+    const struct stored_solid *stored = solid_store.open ? solid_store.first : NULL;
     struct solid *own;
     enum error_code code;
 
+    /* Find the solid with bitwise equal vertices and faces */
+    while (stored &&
+           (stored->mesh->nvertex != mesh->nvertex || stored->mesh->nface != mesh->nface ||
+            memcmp(stored->mesh->vertex, mesh->vertex, mesh->nvertex * sizeof *mesh->vertex) ||
+            memcmp(stored->mesh->face, mesh->face, mesh->nface * sizeof *mesh->face))) {
+        stored = stored->next;
+    }
     if (!stored && solid_store.open) {
         stored = stored_solid_make(mesh);
     }
@@ -192,11 +175,14 @@ enum error_code solid_store_find_field(const struct solid *solid, const char *na
                                        struct arena *arena, const struct field **field,
                                        struct error *error)
 {
-    struct stored_solid *stored = stored_solid_of_solid(solid);
+    struct stored_solid *stored = solid_store.first;
     struct field *own;
     struct error full;
     enum error_code code;
 
+    while (stored && &stored->solid != solid) {
+        stored = stored->next;
+    }
     /* Makes fields on first use, as few solids need one */
     if (stored && !stored->has_field) {
         stored->has_field = !field_make(solid, name, &solid_store.arena, &stored->field, &full);

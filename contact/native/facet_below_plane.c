@@ -45,20 +45,6 @@ struct facet_linear facet_below_plane_depth(const struct solid *solid, const str
     return depth;
 }
 
-/* Returns the separation speed of the surfaces, linear over the facet: (v + w x p) . n = v . n + (n
- * x w) . p. The extent of a spring along n does not change it. */
-static struct facet_linear find_leaving(const struct facet *facet, const double n[3],
-                                        const struct native_relative *relative)
-{
-    double turn[3];
-
-    vec3_cross(n, relative->w, turn);
-    return (struct facet_linear){
-        vec3_dot(relative->v, n) + vec3_dot(turn, facet->center),
-        {vec3_dot(turn, facet->axis[0]), vec3_dot(turn, facet->axis[1])},
-    };
-}
-
 /* Computes the moments of the weights along the facet's axes, from the integrals of products of
  * powers. */
 static void weigh_facet(const struct facet_moments *moments, const struct facet_linear *depth,
@@ -138,7 +124,16 @@ bool facet_below_plane_gather(const struct solid *solid, const struct facet *fac
                               struct native_sum *sum)
 {
     const struct facet_moments *moments = &solid->moments[facet->moments];
-    const struct facet_linear leaving = find_leaving(facet, n, relative);
+
+    /* Compute the separation speed of the surfaces, linear over the facet: (v + w x p) . n = v . n
+     * + (n x w) . p. The extent of a spring along n does not change it. */
+    double turn[3];
+
+    vec3_cross(n, relative->w, turn);
+    const struct facet_linear leaving = {
+        vec3_dot(relative->v, n) + vec3_dot(turn, facet->center),
+        {vec3_dot(turn, facet->axis[0]), vec3_dot(turn, facet->axis[1])},
+    };
     const double c = law->dissipation, *slope = leaving.slope;
     const struct facet_linear share = {1 - c * leaving.center, {-c * slope[0], -c * slope[1]}};
     const double change =

@@ -200,25 +200,6 @@ static void visit_add_triangle(const struct visit *v, const struct visit_facet *
     visit_add_springs(v, f, depth, rate, x, y, n);
 }
 
-/* Adds springs on a whole polygon, and subtracts their elastic force from the sum. The springs
- * integrate force and moment of a linear depth exactly. */
-static void visit_add_fan(const struct visit *v, const struct visit_facet *f,
-                          const struct visit_depth *depth, const struct polygon2d *g,
-                          const struct moments *m)
-{
-    const double center[2] = {m->x, m->y};
-
-    for (int i = 0; i < g->n; i++) {
-        int j = i + 1 < g->n ? i + 1 : 0;
-        const double u[2] = {g->x[i] - m->x, g->y[i] - m->y};
-        const double w[2] = {g->x[j] - m->x, g->y[j] - m->y};
-
-        visit_add_triangle(v, f, depth, center, u, w);
-    }
-    visit_add_pressure(v, f, depth, m, depth->inward,
-                       -v->pair->law->stiffness * depth->facing * m->twice / 2);
-}
-
 /* Adds the moments of a polygon's area and depth to a group, about the group's origin, the
  * centroid of its first polygon. */
 static void group_add(struct visit_group *g, const struct visit_depth *depth,
@@ -424,7 +405,19 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
     if (radius2 <= wide * wide || depth->facing <= FACING) {
         group_add(group, depth, &m, mean);
     } else if (v->field->planar) {
-        visit_add_fan(v, f, depth, g, &m);
+        /* Add springs on a whole polygon, and subtract their elastic force from the sum. The
+         * springs integrate force and moment of a linear depth exactly. */
+        const double center[2] = {m.x, m.y};
+
+        for (int i = 0; i < g->n; i++) {
+            int j = i + 1 < g->n ? i + 1 : 0;
+            const double u[2] = {g->x[i] - m.x, g->y[i] - m.y};
+            const double w[2] = {g->x[j] - m.x, g->y[j] - m.y};
+
+            visit_add_triangle(v, f, depth, center, u, w);
+        }
+        visit_add_pressure(v, f, depth, &m, depth->inward,
+                           -v->pair->law->stiffness * depth->facing * m.twice / 2);
     } else {
         visit_add_grid(v, f, depth, g);
     }
