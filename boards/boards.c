@@ -718,20 +718,6 @@ static void board_shut_down(struct board *board, struct plant_command *command)
     }
 }
 
-/* Runs one tick of a board with power: its bootloader or its application. */
-static void board_control(struct board *board, struct ms_span span, struct plant_command *command)
-{
-    if (board->in_bootloader) {
-        board_shut_down(board, command);
-        if (board->boards->now_ns >= board->application_ns) {
-            board_leave_bootloader(board);
-        }
-    } else if (board->ops->control) {
-        board->ops->control(board, span);
-        axes_drive_bridges(board, command);
-    }
-}
-
 void boards_control(struct boards *boards, int64_t now_ns, struct plant_command *command)
 {
     struct ms_span span = {.from = now_ns / MS, .to = (now_ns + boards->tick_ns) / MS};
@@ -748,7 +734,16 @@ void boards_control(struct boards *boards, int64_t now_ns, struct plant_command 
                                                           : BOARD_WORKS;
 
         if (health == BOARD_WORKS) {
-            board_control(board, span, command);
+            /* Run one tick of a board with power: its bootloader or its application */
+            if (board->in_bootloader) {
+                board_shut_down(board, command);
+                if (board->boards->now_ns >= board->application_ns) {
+                    board_leave_bootloader(board);
+                }
+            } else if (board->ops->control) {
+                board->ops->control(board, span);
+                axes_drive_bridges(board, command);
+            }
         } else if (health == BOARD_WITHOUT_POWER) {
             board_shut_down(board, command);
         }

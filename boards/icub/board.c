@@ -356,21 +356,6 @@ void icub_bus_hear_strain(struct board_bus *bus, uint8_t address, enum icub_anal
     source->time_ns = time_ns;
 }
 
-/* Stores a frame from a real STRAIN board, so that motor boards can use its torques. */
-static void icub_bus_receive_strain(struct boards *boards, struct board_bus *bus,
-                                    const struct bus_frame *frame)
-{
-    unsigned type = frame->id & 0xf;
-    uint8_t source = frame->id >> 4 & 0xf;
-
-    boards->counters.foreign++;
-    if ((type == ICUB_FORCE || type == ICUB_TORQUE) && source >= 1 && source <= ICUB_ADDRESS_MAX &&
-        !bus->by_address[source] &&
-        (frame->len == ICUB_STRAIN_LENGTH || frame->len == ICUB_STRAIN_SATURATED_LENGTH)) {
-        icub_bus_hear_strain(bus, source, (enum icub_analog_type)type, frame->data, boards->now_ns);
-    }
-}
-
 /* Passes a frame to its receivers, by its class (struct board_bus_ops). */
 static void icub_bus_receive(struct boards *boards, struct board_bus *bus,
                              const struct bus_frame *frame)
@@ -385,7 +370,18 @@ static void icub_bus_receive(struct boards *boards, struct board_bus *bus,
         icub_bus_receive_targets(boards, bus, frame);
         break;
     case ICUB_PERIODIC_ANALOG:
-        icub_bus_receive_strain(boards, bus, frame);
+
+        /* Store a frame from a real STRAIN board, so that motor boards can use its torques */
+        unsigned type = frame->id & 0xf;
+        uint8_t source = frame->id >> 4 & 0xf;
+
+        boards->counters.foreign++;
+        if ((type == ICUB_FORCE || type == ICUB_TORQUE) && source >= 1 &&
+            source <= ICUB_ADDRESS_MAX && !bus->by_address[source] &&
+            (frame->len == ICUB_STRAIN_LENGTH || frame->len == ICUB_STRAIN_SATURATED_LENGTH)) {
+            icub_bus_hear_strain(bus, source, (enum icub_analog_type)type, frame->data,
+                                 boards->now_ns);
+        }
         break;
     default:
         boards->counters.foreign++;

@@ -401,22 +401,6 @@ void wire_disturb(struct wire *wire)
                      wire_bits_ns(wire, (int64_t)kept.flag_bits + WIRE_DELIMITER_BITS);
 }
 
-/* Counts a failed transmission of a node (TEC + 8; with `spare` no change) and reports it. */
-static void wire_fail_sender(struct wire *wire, size_t index, enum wire_error error, bool spare)
-{
-    struct wire_node *node = &wire->node[index];
-
-    node->stats.errors++;
-    wire_count_errors(wire, index, wire->flight.end_ns, spare ? 0 : COUNT_SENDER, 0);
-    wire_notify(wire, &(struct wire_event){.kind = WIRE_BUS_ERROR,
-                                           .time_ns = wire->flight.end_ns,
-                                           .node = index,
-                                           .frame = &node->slot[node->flying].frame,
-                                           .error = error,
-                                           .tec = node->stats.tec,
-                                           .rec = node->stats.rec});
-}
-
 void wire_finish_error(struct wire *wire)
 {
     const struct wire_flight *flight = &wire->flight;
@@ -450,7 +434,19 @@ void wire_finish_error(struct wire *wire)
     {
         bool spare = flight->unacknowledged && wire_is_passive(&wire->node[index]);
 
-        wire_fail_sender(wire, index, flight->failed ? flight->error : WIRE_BIT_ERROR, spare);
+        /* Count a failed transmission of a node (TEC + 8; with `spare` no change) and report it */
+        struct wire_node *node = &wire->node[index];
+
+        node->stats.errors++;
+        wire_count_errors(wire, index, wire->flight.end_ns, spare ? 0 : COUNT_SENDER, 0);
+        wire_notify(wire,
+                    &(struct wire_event){.kind = WIRE_BUS_ERROR,
+                                         .time_ns = wire->flight.end_ns,
+                                         .node = index,
+                                         .frame = &node->slot[node->flying].frame,
+                                         .error = flight->failed ? flight->error : WIRE_BIT_ERROR,
+                                         .tec = node->stats.tec,
+                                         .rec = node->stats.rec});
     }
 
     /* The receiver that found the error first reads the others' flags as a second error */
