@@ -4,9 +4,11 @@
 #ifndef BASE_TEXT_H
 #define BASE_TEXT_H
 
+#include <stdarg.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 
 /* Parses the whole text as a finite double in C notation. Refuses spaces, inf, nan and hexadecimal
  * numbers. If it returns false, *value is unchanged. */
@@ -50,5 +52,14 @@ const char *text_nearest(const char *word, const char *const *words, size_t coun
 /* Does the same as text_nearest. The words are the first members (const char *) of `count` structs,
  * each of `size` bytes. */
 const char *text_nearest_first(const char *word, const void *structs, size_t size, size_t count);
+
+/* Formats the arguments after `format` of a variadic function into a character array. */
+#define TEXT_FORMAT(text, format)                                                                  \
+    do {                                                                                           \
+        va_list arguments_;                                                                        \
+        va_start(arguments_, format);                                                              \
+        vsnprintf((text), sizeof(text), (format), arguments_);                                     \
+        va_end(arguments_);                                                                        \
+    } while (false)
 
 #endif

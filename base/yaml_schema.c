@@ -10,7 +10,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <stdarg.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -28,11 +27,8 @@ enum error_code yaml_error(struct error *error, const struct yaml_mark *mark, co
                            ...)
 {
     char text[512];
-    va_list args;
 
-    va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
-    va_end(args);
+    TEXT_FORMAT(text, format);
     if (!mark->file) {
         return error_set(error, ERROR_INPUT, "%s", text);
     }

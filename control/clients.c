@@ -3,9 +3,10 @@
  * disconnects clients. */
 #include "control/private.h"
 
+#include "base/text.h"
+
 #include <errno.h>
 #include <poll.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/socket.h>
@@ -20,11 +21,8 @@ enum { KEY_CUT = 1, KEY_REFUSED };
 void control_log(struct control *control, uint64_t key, const char *format, ...)
 {
     struct control_event event = {.key = key};
-    va_list arguments;
 
-    va_start(arguments, format);
-    vsnprintf(event.text, sizeof event.text, format, arguments);
-    va_end(arguments);
+    TEXT_FORMAT(event.text, format);
     /* If the ring is full, drop the event */
     (void)ring_push(&control->events, &event);
 }

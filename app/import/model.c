@@ -7,7 +7,6 @@
 #include "base/vec3.h"
 
 #include <limits.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -35,12 +34,9 @@ void import_note_add(struct import_notes *notes, enum import_fate fate, const ch
                      const char *format, ...)
 {
     char text[512];
-    va_list arguments;
     struct import_note *grown = NULL, note = {.fate = fate, .line = line};
 
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
+    TEXT_FORMAT(text, format);
     text_make_printable(text);
     note.text = arena_strdup(notes->arena, text);
     note.file = arena_strdup(notes->arena, file);
@@ -67,11 +63,8 @@ enum error_code import_error(struct error *error, const char *file, int line, co
                              ...)
 {
     char text[600];
-    va_list arguments;
 
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
+    TEXT_FORMAT(text, format);
     text_make_printable(text);
     return error->code ? error->code
                        : error_set(error, ERROR_INPUT, "%.200s:%d: %s", file, line, text);

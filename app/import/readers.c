@@ -2,7 +2,8 @@
 /* Functions common to all readers of robot files. */
 #include "app/import/readers_private.h"
 
-#include <stdarg.h>
+#include "base/text.h"
+
 #include <stdio.h>
 #include <string.h>
 
@@ -10,11 +11,8 @@ void reader_note(const struct import_reader *r, enum import_fate fate, const xml
                  const char *format, ...)
 {
     char text[512];
-    va_list arguments;
 
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
+    TEXT_FORMAT(text, format);
     import_note_add(r->notes, fate, xml_name(r->file, node), xml_line(node), "%s", text);
 }
 
@@ -38,11 +36,8 @@ const char *reader_copy(const struct import_reader *r, const char *text)
 const char *reader_format(const struct import_reader *r, const char *format, ...)
 {
     char text[512];
-    va_list arguments;
 
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
+    TEXT_FORMAT(text, format);
     return reader_copy(r, text);
 }
 

@@ -2,13 +2,13 @@
 /* Fits capsules to collision shapes. */
 #include "app/import/shapes.h"
 
+#include "base/text.h"
 #include "base/vec3.h"
 #include "contact/mesh/mesh.h"
 
 #include <errno.h>
 #include <limits.h>
 #include <math.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -30,11 +30,8 @@ void import_shape_note(const struct import_builder *b, const struct import_geome
                        enum import_fate fate, const char *what, const char *format, ...)
 {
     char text[400];
-    va_list arguments;
 
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
+    TEXT_FORMAT(text, format);
     import_note_add(b->notes, fate, shape->file, shape->line, "%s of link \"%.63s\"%s", what,
                     b->from->model->link[shape->link].name, text);
 }

@@ -9,7 +9,6 @@
 #include <dlfcn.h>
 #include <libxml/parser.h>
 #include <libxml/parserInternals.h>
-#include <stdarg.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -361,11 +360,8 @@ const char *xml_content(const xmlNode *node)
 void xml_refuse(const struct xml_file *file, const xmlNode *node, const char *format, ...)
 {
     char text[600];
-    va_list arguments;
 
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
+    TEXT_FORMAT(text, format);
     import_error(file->error, xml_name(file, node), xml_line(node), "%s", text);
 }
 

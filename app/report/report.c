@@ -3,8 +3,8 @@
 #include "app/report/report.h"
 
 #include "base/markup.h"
+#include "base/text.h"
 
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -180,11 +180,8 @@ void report_section(struct report *report, const char *id, const char *title)
 void report_text(struct report *report, const char *format, ...)
 {
     char line[LINE_BYTES];
-    va_list arguments;
 
-    va_start(arguments, format);
-    vsnprintf(line, sizeof line, format, arguments);
-    va_end(arguments);
+    TEXT_FORMAT(line, format);
     close_table(report);
     fputs("<p>", report->body);
     markup_put(report->body, line);
@@ -229,11 +226,8 @@ void report_table(struct report *report, const char *id, const char *caption, co
 void report_row(struct report *report, const char *format, ...)
 {
     char line[LINE_BYTES];
-    va_list arguments;
 
-    va_start(arguments, format);
-    vsnprintf(line, sizeof line, format, arguments);
-    va_end(arguments);
+    TEXT_FORMAT(line, format);
     if (report->csv) {
         put_cells(report, "td", line);
     }
@@ -243,12 +237,9 @@ void report_finding(struct report *report, bool main, const char *format, ...)
 {
     struct report_finding *finding = &report->finding[report->nfinding];
     char line[LINE_BYTES], *cell[CELLS_MAX], *copy;
-    va_list arguments;
     size_t count;
 
-    va_start(arguments, format);
-    vsnprintf(line, sizeof line, format, arguments);
-    va_end(arguments);
+    TEXT_FORMAT(line, format);
     if (report->nfinding == REPORT_FINDINGS_MAX || report->nsection == 0) {
         report_fail(report, ERROR_MEMORY, "too many findings in the report");
     }

@@ -10,7 +10,6 @@
 #include "contact/mesh/mesh.h"
 
 #include <math.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -49,11 +48,8 @@ __attribute__((format(printf, 3, 4))) static enum error_code
 obj_refuse(const struct obj_reader *r, struct obj_place place, const char *format, ...)
 {
     char what[512];
-    va_list args;
 
-    va_start(args, format);
-    vsnprintf(what, sizeof what, format, args);
-    va_end(args);
+    TEXT_FORMAT(what, format);
     return error_set(r->error, ERROR_INPUT, "%s:%zu:%zu: %s", r->name, place.line, place.column,
                      what);
 }

@@ -5,6 +5,7 @@
 
 #include "app/cli/cli.h"
 #include "base/array.h"
+#include "base/text.h"
 #include "manual/doctor.h"
 #include "model/symbolic/symbolic.h"
 #include "rt/histogram.h"
@@ -14,7 +15,6 @@
 #include <dirent.h>
 #include <inttypes.h>
 #include <limits.h>
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -52,7 +52,6 @@ __attribute__((format(printf, 4, 5))) static void
 doctor_add(struct doctor *d, enum doctor_verdict verdict, const char *fix, const char *format, ...)
 {
     struct doctor_finding *finding = &d->findings[d->count];
-    va_list args;
 
     if (d->count == d->max) {
         return;
@@ -61,9 +60,7 @@ doctor_add(struct doctor *d, enum doctor_verdict verdict, const char *fix, const
     finding->verdict = verdict;
     finding->subject = d->subject;
     snprintf(finding->fix, sizeof finding->fix, "%s", verdict == DOCTOR_OK ? "" : fix);
-    va_start(args, format);
-    vsnprintf(finding->found, sizeof finding->found, format, args);
-    va_end(args);
+    TEXT_FORMAT(finding->found, format);
 }
 
 /* ---- files below the root ---- */
@@ -99,11 +96,8 @@ __attribute__((format(printf, 3, 4))) static bool
 doctor_read_line(const struct doctor *d, char text[TEXT], const char *format, ...)
 {
     char name[256];
-    va_list args;
 
-    va_start(args, format);
-    vsnprintf(name, sizeof name, format, args);
-    va_end(args);
+    TEXT_FORMAT(name, format);
     return doctor_read_entry(d, name, "", text);
 }
 
