@@ -384,7 +384,7 @@ double effects_steady_voltage(const struct robot_sea *sea, const struct effects_
                               const struct effects_bridge *bridge)
 {
     return effects_resistance(sea, state->winding_c) * state->sea.I +
-           magnet_strength(sea, state->housing_c) * sea->Kw * state->sea.qmd +
+           field_strength(sea, state->housing_c, state->sea.I) * sea->Kw * state->sea.qmd +
            (state->sea.I < 0.0 ? -bridge->hold : bridge->hold);
 }
 
@@ -546,7 +546,7 @@ static struct loop_step loop_step_of(const struct robot_sea *sea,
     return (struct loop_step){.loop = bridge->loop,
                               .R = effects_resistance(sea, begin->winding_c),
                               .L = sea->L,
-                              .Kw = magnet_strength(sea, begin->housing_c) * sea->Kw,
+                              .Kw = field_strength(sea, begin->housing_c, begin->sea.I) * sea->Kw,
                               .hold = bridge->hold,
                               .t = bridge->begin_s,
                               .h = h,
