@@ -97,26 +97,13 @@ static short gateway_client_events(const struct gateway *gateway,
     return (short)((held ? 0 : POLLIN) | (client->waiting && !quiet ? POLLOUT : 0));
 }
 
-/* Returns whether any client receives the frames of a bus. */
-static bool gateway_look_for_hearers(struct gateway *gateway)
-{
-    bool heard = false;
-
-    for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
-        heard = heard || (gateway->client[i].socket >= 0 && gateway->client[i].mode == CLIENT_RAW);
-    }
-    atomic_store_explicit(&gateway->heard, heard, memory_order_relaxed);
-    return heard;
-}
-
 /* Fills in the descriptors and the timeout of poll: listeners, clients, then ports. */
 static size_t gateway_prepare_poll(struct gateway *gateway, struct pollfd fd[POLL_MAX],
                                    int *timeout_ms)
 {
     const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
-    const bool heard = gateway_look_for_hearers(gateway);
     size_t count = POLL_FIXED;
-    bool look = false;
+    bool look = false, heard = false; /* heard: some client receives the frames of a bus */
 
     *timeout_ms = IDLE_MS;
     fd[0] = (struct pollfd){.fd = gateway->stop_event, .events = POLLIN};
@@ -127,9 +114,11 @@ static size_t gateway_prepare_poll(struct gateway *gateway, struct pollfd fd[POL
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
         const struct gateway_client *client = &gateway->client[i];
 
+        heard = heard || (client->socket >= 0 && client->mode == CLIENT_RAW);
         fd[count++] = (struct pollfd){.fd = client->socket,
                                       .events = gateway_client_events(gateway, client, timeout_ms)};
     }
+    atomic_store_explicit(&gateway->heard, heard, memory_order_relaxed);
     for (size_t b = 0; b < gateway->config.nbus; b++) {
         /* In lockstep, poll only the bus of the DONE. Otherwise, poll the buses only if a client
          * receives their frames. Without a client, the thread empties the ports every LOOK_MS. */
@@ -293,24 +282,12 @@ static enum error_code gateway_check_config(const struct gateway_config *config,
     return ERROR_NONE;
 }
 
-/* Creates the stop event and starts the thread. */
-static enum error_code gateway_start_thread(struct gateway *gateway, struct error *error)
-{
-    int reason;
-
-    gateway->stop_event = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    if (gateway->stop_event < 0) {
-        return error_set_errno(error, errno, "gateway: cannot create an event descriptor");
-    }
-    reason = pthread_create(&gateway->thread, NULL, gateway_run, gateway);
-    return reason ? error_set_errno(error, reason, "gateway: cannot start its thread") : ERROR_NONE;
-}
-
 enum error_code gateway_start(const struct gateway_config *config, struct arena *arena,
                               struct gateway **out, struct error *error)
 {
     struct gateway *gateway = NULL;
     enum error_code code = gateway_check_config(config, error);
+    int reason;
 
     if (code) {
         return code;
@@ -329,8 +306,14 @@ enum error_code gateway_start(const struct gateway_config *config, struct arena 
     if (code) {
         goto fail;
     }
-    code = gateway_start_thread(gateway, error);
-    if (code) {
+    gateway->stop_event = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (gateway->stop_event < 0) {
+        code = error_set_errno(error, errno, "gateway: cannot create an event descriptor");
+        goto fail;
+    }
+    reason = pthread_create(&gateway->thread, NULL, gateway_run, gateway);
+    if (reason) {
+        code = error_set_errno(error, reason, "gateway: cannot start its thread");
         goto fail;
     }
     *out = gateway;

@@ -128,19 +128,6 @@ const struct yaml_schema rig_sensors_schema =
 
 /* ---- building ---- */
 
-/* Checks that a sensor with crosstalk has full scales. */
-static enum error_code sensors_check_crosstalk(struct rig_builder *b, const struct yaml_mark *mark,
-                                               const struct sensor_ft *ft)
-{
-    if (ft->crosstalk > 0.0 && (ft->force.full_scale == 0.0 || ft->torque.full_scale == 0.0)) {
-        return yaml_error(b->error, mark,
-                          "found crosstalk of %s without a full_scale of force_n and torque_nm, "
-                          "expected both",
-                          ft->name);
-    }
-    return ERROR_NONE;
-}
-
 /* Assigns clocks to sensors. A joint's or sensor's clock is the clock of its board. Clocks have
  * numbers and names in the order of the boards. A torque board reports a value that the joint's
  * motor board has sampled, so that board's clock counts. A joint or sensor without a board has the
@@ -299,7 +286,13 @@ static enum error_code sensors_build_fts(struct rig_builder *b, struct sensor_ft
     }
     for (size_t f = 0; f < robot->nft && !code; f++) {
         ft[f].name = robot->ft[f].name;
-        code = sensors_check_crosstalk(b, &raw->mark, &ft[f]);
+        if (ft[f].crosstalk > 0.0 &&
+            (ft[f].force.full_scale == 0.0 || ft[f].torque.full_scale == 0.0)) {
+            code = yaml_error(b->error, &raw->mark,
+                              "found crosstalk of %s without a full_scale of force_n and "
+                              "torque_nm, expected both",
+                              ft[f].name);
+        }
     }
     return code;
 }

@@ -200,20 +200,6 @@ static void pair_make(const struct contact_config *config, size_t index,
 
 /* ---- surfaces ---- */
 
-/* Returns the solid of an earlier surface with the same mesh, so that each mesh is prepared once.
- * NULL if there is none. */
-static const struct solid *surface_find_solid(const struct contact_config *config, size_t index,
-                                              const struct native_surface *surface)
-{
-    for (size_t i = 0; i < index; i++) {
-        if (config->surface[i].shape == CONTACT_MESH &&
-            config->surface[i].mesh == config->surface[index].mesh) {
-            return surface[i].solid;
-        }
-    }
-    return NULL;
-}
-
 /* Returns whether a surface has a pair with a mesh. */
 static bool surface_meets_mesh(const struct contact_config *config, size_t index)
 {
@@ -289,8 +275,12 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
         if (code != ERROR_NONE) {
             return code;
         }
-    } else {
-        s->solid = surface_find_solid(config, index, surface);
+    }
+    /* An earlier surface with the same mesh shares its solid, so that each mesh is prepared once */
+    for (size_t i = 0; i < index && given->shape == CONTACT_MESH && !s->solid; i++) {
+        s->solid = config->surface[i].shape == CONTACT_MESH && config->surface[i].mesh == mesh
+                       ? surface[i].solid
+                       : NULL;
     }
 
     /* Makes the solid, unless an earlier surface has made it */
