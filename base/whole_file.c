@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Writes files under a temporary name until they are complete. Opens files that grow. Makes
- * folders. */
+ * and removes folders. */
 #include "base/whole_file.h"
 
 #include "base/input_file.h"
 
 #include <errno.h>
 #include <fcntl.h>
+#include <ftw.h>
 #include <inttypes.h>
 #include <limits.h>
 #include <string.h>
@@ -376,4 +377,19 @@ enum error_code folder_make_all(const char *path, struct error *error)
         }
     }
     return folder_make(path, NULL, error);
+}
+
+/* A callback of nftw, which visits a folder after its entries. */
+static int folder_remove_entry(const char *path, const struct stat *status, int kind,
+                               struct FTW *where)
+{
+    (void)status;
+    (void)kind;
+    (void)where;
+    return remove(path);
+}
+
+void folder_remove(const char *path)
+{
+    nftw(path, folder_remove_entry, 16, FTW_DEPTH | FTW_PHYS);
 }

@@ -62,4 +62,7 @@ enum error_code folder_make(const char *path, bool *made, struct error *error);
 /* Does the same as folder_make, and makes missing parent folders. */
 enum error_code folder_make_all(const char *path, struct error *error);
 
+/* Removes a folder of this process with its contents, as far as possible. */
+void folder_remove(const char *path);
+
 #endif

@@ -49,13 +49,6 @@ size_t viewer_visual_source(const struct robot *robot, size_t visual)
     return first < 0 ? visual : (size_t)first;
 }
 
-/* Returns the number of triangles in an STL header. */
-static uint64_t stl_count_faces(const uint8_t *data)
-{
-    return (uint64_t)data[80] | (uint64_t)data[81] << 8 | (uint64_t)data[82] << 16 |
-           (uint64_t)data[83] << 24;
-}
-
 /* Reads up to size bytes; returns the number of bytes read. */
 static size_t file_read(int fd, uint8_t *data, size_t size)
 {
@@ -72,7 +65,7 @@ static size_t file_read(int fd, uint8_t *data, size_t size)
 /* Checks whether header and size belong to a complete binary STL file. */
 static bool stl_is_whole(const uint8_t *header, size_t had, size_t size)
 {
-    return had >= STL_HEADER && size - STL_HEADER == stl_count_faces(header) * STL_FACE;
+    return had >= STL_HEADER && size - STL_HEADER == (uint64_t)get_u32_le(header + 80) * STL_FACE;
 }
 
 static enum error_code visual_refuse(const char *path, size_t size, struct error *error)

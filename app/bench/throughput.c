@@ -17,7 +17,6 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <ftw.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -320,15 +319,6 @@ static enum error_code measure_round(struct throughput *t, struct measured_rig *
     return ERROR_NONE;
 }
 
-/* Removes an entry of a folder; a callback of nftw, which visits a folder after its entries. */
-static int remove_entry(const char *path, const struct stat *status, int kind, struct FTW *where)
-{
-    (void)status;
-    (void)kind;
-    (void)where;
-    return remove(path);
-}
-
 /* Runs all rounds. Rigs take turns; each one has its own folder below a scratch folder. */
 static enum error_code run_rounds(struct throughput *t, struct error *error)
 {
@@ -352,7 +342,7 @@ static enum error_code run_rounds(struct throughput *t, struct error *error)
                                    folder, error);
         bench_progress("throughput", n + 1, all);
     }
-    nftw(scratch, remove_entry, 8, FTW_DEPTH | FTW_PHYS);
+    folder_remove(scratch);
     return code;
 }
 

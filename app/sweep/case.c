@@ -10,7 +10,6 @@
 
 #include <elf.h>
 #include <errno.h>
-#include <ftw.h>
 #include <inttypes.h>
 #include <jansson.h>
 #include <link.h>
@@ -18,7 +17,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 enum {
@@ -237,16 +235,6 @@ static enum error_code plan_judge(const struct plan *plan, const struct plan_cas
     return ERROR_NONE;
 }
 
-/* Removes an entry of a folder; a callback of nftw, which visits a folder after its entries. */
-static int plan_remove_entry(const char *path, const struct stat *status, int type,
-                             struct FTW *place)
-{
-    (void)status;
-    (void)type;
-    (void)place;
-    return remove(path);
-}
-
 /* Checks that an existing result belongs to this plan, case and program. */
 static enum error_code plan_check_result(const struct plan *plan, const struct plan_case *one,
                                          const struct plan_result *result, const char *path,
@@ -330,7 +318,7 @@ static enum error_code plan_make_scratch(const struct plan *plan, struct plan_sl
 static void plan_remove_scratch(struct scenario_job *job)
 {
     if (job->scratch) {
-        nftw(job->scratch, plan_remove_entry, 16, FTW_DEPTH | FTW_PHYS);
+        folder_remove(job->scratch);
         job->scratch = NULL;
     }
 }
