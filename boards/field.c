@@ -45,39 +45,19 @@ inline int64_t field_highest(const struct field *field)
     return (INT64_C(1) << bits) - 1;
 }
 
-/* Location of a field in the data. The bytes form a number in the field's byte order. byte: the
- * first byte; bytes: their count; below: number of bits below the field; shift: left shift of the
- * first byte; step: change of the shift per byte. */
-struct place {
-    size_t byte;
-    unsigned bytes, below;
-    int shift, step;
-};
-
-static struct place field_place(const struct field *field, size_t start)
-{
-    unsigned bits = field_bits(field), before = start % 8, bytes = (before + bits + 7) / 8;
-    struct place place = {.byte = start / 8, .bytes = bytes, .below = before, .step = 8};
-
-    if (field->type & FIELD_BIG_ENDIAN) {
-        place.below = 8 * bytes - before - bits;
-        place.shift = 8 * (int)bytes - 8;
-        place.step = -8;
-    }
-    return place;
-}
-
 /* Reads the value of a field that begins at bit `start` of the data. */
 static int64_t field_get_value(const struct field *field, size_t start, const uint8_t *data)
 {
-    struct place place = field_place(field, start);
-    const uint64_t sign = UINT64_C(1) << (field_bits(field) - 1);
+    const unsigned bits = field_bits(field), before = start % 8, bytes = (before + bits + 7) / 8;
+    const bool big = field->type & FIELD_BIG_ENDIAN;
+    const uint64_t sign = UINT64_C(1) << (bits - 1);
     uint64_t value = 0;
 
-    for (unsigned i = 0; i < place.bytes; i++, place.shift += place.step) {
-        value |= (uint64_t)data[place.byte + i] << place.shift;
+    /* The bytes form a number in the field's byte order */
+    for (unsigned i = 0; i < bytes; i++) {
+        value |= (uint64_t)data[start / 8 + i] << 8 * (big ? bytes - 1 - i : i);
     }
-    value = value >> place.below & (2 * sign - 1);
+    value = value >> (big ? 8 * bytes - before - bits : before) & (2 * sign - 1);
     return (int64_t)(field->type & FIELD_SIGNED ? (value ^ sign) - sign : value);
 }
 
