@@ -47,10 +47,6 @@ static inline uint32_t frame_bits(const struct bus_frame *frame)
 {
     const bool extended = frame->flags & FRAME_EXTENDED;
 
-    /* Most frames are of classic CAN with a standard identifier */
-    if (!frame->flags) {
-        return 47u + 8u * frame->len;
-    }
     if (frame->flags & FRAME_ERROR) {
         return 0;
     }
