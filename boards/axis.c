@@ -8,7 +8,6 @@
 #include <math.h>
 #include <string.h>
 
-#define LOOP_GAIN 0.5 /* g in the tuning of the current loop (boards/axis.h) */
 #define OVERLOAD_MS 10.0
 
 /* ---- the axis ---- */
@@ -26,7 +25,7 @@ void axis_power_up(const struct board *board, unsigned index)
     struct axis *axis = board_axis(board, index);
 
     axis->config = &board->config.axis[index];
-    axis->on = axis->faulty = false;
+    axis->on = axis->faulty = axis->law.on = false;
     axis->sampled_ms = -1;
     axis->velocity_rad_s = axis->overload_ms = axis->voltage_v = 0.0;
 }
@@ -43,6 +42,7 @@ static void axis_read_sensors(struct axis *axis, const struct boards *boards,
     if (!axis->bad_motor) {
         axis->motor_ticks = motor;
         axis->current_a = sense->current_a;
+        axis->voltage_v = axis->law.on ? sense->voltage_v : axis->voltage_v;
     }
     /* A link angle or torque that is not finite keeps its old value */
     axis->bad_link = !control_quantize(sense->q * config->joint_ticks_per_rad, &axis->link_ticks);
@@ -87,8 +87,15 @@ void axes_drive_bridges(const struct board *board, struct plant_command *command
         const struct axis *axis = board_axis(board, i);
 
         if (axis->config->joint >= 0) {
-            command->motor[axis->config->joint].bridge_on = axis->on;
-            command->motor[axis->config->joint].voltage_v = axis->on ? axis->voltage_v : 0.0;
+            struct motor_command *motor = &command->motor[axis->config->joint];
+
+            motor->bridge_on = axis->on;
+            motor->voltage_v = axis->on ? axis->voltage_v : 0.0;
+            motor->law.on = axis->on && axis->law.on;
+            if (motor->law.on) {
+                motor->law = axis->law;
+                motor->law.reading_rad = axis->motor_ticks / axis->config->motor_ticks_per_rad;
+            }
         }
     }
 }
@@ -130,20 +137,14 @@ uint32_t axis_find_faults(const struct board *board, struct axis *axis, double l
 
 /* ---- control loops ---- */
 
-void current_loop_tune(double ohm, double henry, double *kp_v_a, double *ki_v_as)
+double axis_wanted_current(const struct axis *axis)
 {
-    double a = henry > 0.0 ? portable_exp(-1e-3 * ohm / henry) : 0.0;
+    const struct current_law *law = &axis->law;
+    double wanted_a = law->current_a +
+                      law->stiffness_a_rad * (law->position_rad - axis->motor_rad) +
+                      law->damping_a_s_rad * (law->speed_rad_s - axis->velocity_rad_s);
 
-    *kp_v_a = LOOP_GAIN * ohm * a / (1.0 - a);
-    *ki_v_as = LOOP_GAIN * ohm / 1e-3;
-}
-
-double current_loop_step(double *integral_v, double kp_v_a, double ki_v_as, double error_a,
-                         double supply_v)
-{
-    *integral_v += ki_v_as * error_a * 1e-3;
-    *integral_v = fmax(fmin(*integral_v, supply_v), -supply_v);
-    return kp_v_a * error_a + *integral_v;
+    return law->on ? fmax(fmin(wanted_a, law->limit_a), -law->limit_a) : 0.0;
 }
 
 int64_t control_shift_right(int64_t value, int64_t shift)

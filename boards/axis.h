@@ -25,7 +25,8 @@ struct axis {
     double supply_v;  /* supply of the board */
     uint8_t mode;     /* mode number of the protocol (protocol.mode_name) */
     bool on, faulty;  /* on: the bridge is closed; faulty: hardware fault */
-    double voltage_v; /* bridge voltage while the bridge is closed */
+    double voltage_v; /* bridge voltage while the bridge is closed; of a current law, as measured */
+    struct current_law law; /* set by axis_follow_law; off: voltage_v is the command */
 
     /* Readings of the last sample. A reading that is not finite keeps its old value, and its bad
      * flag is set. */
@@ -100,18 +101,29 @@ static inline int64_t control_clamp(int64_t value, int64_t min, int64_t max)
     return value < min ? min : value > max ? max : value;
 }
 
-/*
- * Current loop in SI units, one step per millisecond: v = kp e + sum of ki e dt. The caller adds
- * the back-EMF.
- *
- * At standstill the winding follows i' = a i + (1 - a) / R v with a = exp(-1 ms R / L). The gains
- * kp = g R a / (1 - a) and ki = g R / 1 ms cancel this pole. The result is i' = i + g e: each step
- * multiplies the error by 1 - g. The tuning uses g = 1/2, which stays stable down to a quarter of
- * the resistance.
- */
-void current_loop_tune(double ohm, double henry, double *kp_v_a, double *ki_v_as);
-double current_loop_step(double *integral_v, double kp_v_a, double ki_v_as, double error_a,
-                         double supply_v);
+/* Returns a gain of the configuration; 0 stands for 1. */
+static inline double axis_gain_or_1(double gain)
+{
+    return gain != 0.0 ? gain : 1.0;
+}
+
+/* Hands a law to the drive's own current controller, instead of a voltage. The law holds until
+ * axis_follow_law or axis_apply_voltage is called. position_rad: an angle of the encoder. */
+static inline void axis_follow_law(struct axis *axis, const struct current_law *law)
+{
+    axis->law = *law;
+    axis->law.on = true;
+}
+
+/* Applies a voltage, clipped to the supply. */
+static inline void axis_apply_voltage(struct axis *axis, double v)
+{
+    axis->law.on = false;
+    axis->voltage_v = fmax(fmin(v, axis->supply_v), -axis->supply_v);
+}
+
+/* Returns the current of the law in force at the last readings, A. */
+double axis_wanted_current(const struct axis *axis);
 
 /* Returns value / 2^shift, rounded toward zero. The shift is clamped to 0-30. */
 int64_t control_shift_right(int64_t value, int64_t shift);

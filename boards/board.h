@@ -117,10 +117,10 @@ struct board_axis_config {
     /* compact, cia402, described: motor data for the factory tuning of the loops; back-EMF per
      * link-side rad/s. winding_ohm 0 = not tuned: the gains are 0 until the host sets them */
     double winding_ohm, winding_h, bemf_v_s_rad;
-    double torque_nm_a; /* described: link-side torque per ampere */
-    double rotor_kg_m2; /* described: inertia of the rotor on the link side; 0 = unknown */
-    /* described: what the drive reports of its current and its torque; 0 = 1 */
-    double current_factor, torque_factor;
+    double current_loop_hz; /* bandwidth of the drive's own current controller; 0 = the default */
+    double torque_nm_a;     /* described: link-side torque per ampere */
+    /* described: current and torque that the drive takes and reports, over the true ones; 0 = 1 */
+    double current_gain, torque_gain;
     double torque_offset_nm;
     struct board_switches switches;
 };

@@ -169,6 +169,7 @@ static bool board_step_hang(struct board *board, double supply_v, struct plant_c
                 struct motor_command *motor = &command->motor[joint];
 
                 motor->voltage_v = motor->bridge_on ? board->faults->duty[i] * supply_v : 0.0;
+                motor->law.on = false;
             }
         }
     }

@@ -61,15 +61,21 @@ uint64_t boards_settings_changes(const struct boards *boards)
 
 /* ---- delay of the voltages: a voltage reaches its bridge some ticks after its computation ---- */
 
-/* Circular list of rows of voltages, V, one per joint. The newest row has the last set points of
+/* A voltage, V, or the law of a current controller. */
+struct bridge_command {
+    double voltage_v;
+    struct current_law law;
+};
+
+/* Circular list of rows of commands, one per joint. The newest row has the last set points of
  * the boards. The next row is the oldest: it has the voltages of the bridges. */
 struct voltage_delay {
     size_t rows, newest, njoint;
-    double *row;
+    struct bridge_command *row;
 };
 
 /* Returns the row that was stored `ticks` ticks before the newest. */
-static double *delay_row(const struct voltage_delay *delay, size_t ticks)
+static struct bridge_command *delay_row(const struct voltage_delay *delay, size_t ticks)
 {
     return &delay->row[(delay->newest + delay->rows - ticks) % delay->rows * delay->njoint];
 }
@@ -95,7 +101,7 @@ static bool voltage_delay_create(struct boards *boards, const struct boards_conf
 
 /* Copies the voltages of all emulated boards' joints from a row to the command; back: from the
  * command to the row. */
-static void delay_copy(const struct boards *boards, double *row, bool back,
+static void delay_copy(const struct boards *boards, struct bridge_command *row, bool back,
                        struct plant_command *command)
 {
     for (size_t i = 0; i < boards->nboard; i++) {
@@ -105,9 +111,14 @@ static void delay_copy(const struct boards *boards, double *row, bool back,
             const int joint = board_joint(board, axis);
 
             if (joint >= 0 && back) {
-                row[joint] = command->motor[joint].voltage_v;
+                row[joint].voltage_v = command->motor[joint].voltage_v;
+                row[joint].law = command->motor[joint].law;
             } else if (joint >= 0) {
-                command->motor[joint].voltage_v = row[joint];
+                const double reading_rad = command->motor[joint].law.reading_rad;
+
+                command->motor[joint].voltage_v = row[joint].voltage_v;
+                command->motor[joint].law = row[joint].law;
+                command->motor[joint].law.reading_rad = reading_rad;
             }
         }
     }

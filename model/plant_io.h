@@ -23,6 +23,9 @@ enum drive_condition {
     DRIVE_IMPOSED = 1 << 6,      /* not a fault: the rotor turns at rotor_rad_s under any load */
 };
 
+/* Default bandwidth of a current controller, Hz (assumed; servo drives state 0.5 to 4 kHz). */
+#define CURRENT_LOOP_HZ 1000.0
+
 /* A command to a drive's own current controller (model/drives/current_loop.h). The controller
  * follows
  *

@@ -120,9 +120,6 @@ struct robot_effects {
     double standby;    /* power of the drive's electronics, W */
 };
 
-/* Default bandwidth of a current controller, Hz (assumed; servo drives state 0.5 to 4 kHz). */
-#define CURRENT_LOOP_HZ 1000.0
-
 /* Series elastic DC drive of a joint, paper eqs (2)-(4); all on the link side of the gear. */
 struct robot_sea {
     bool present;

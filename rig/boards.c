@@ -59,8 +59,8 @@ static enum error_code board_check_keys(struct rig_builder *b, const struct raw_
     const struct rig_key keys[] = {
         {"axes", motor, motor},
         {"current_limit_a", motor, 0},
-        {"current_factor", motor, 0},
-        {"torque_factor", motor, 0},
+        {"current_gain", motor, 0},
+        {"torque_gain", motor, 0},
         {"torque_offset_nm", motor, 0},
         {"model", motor, 0},
         {"joints", torque, torque},
@@ -182,8 +182,8 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     if (yaml_has(&raw->mark, "current_limit_a")) {
         axis->current_limit_a = raw->current_limit_a;
     }
-    axis->current_factor = raw->current_factor;
-    axis->torque_factor = raw->torque_factor;
+    axis->current_gain = raw->current_gain;
+    axis->torque_gain = raw->torque_gain;
     axis->torque_offset_nm = raw->torque_offset_nm;
     if (!strcmp(name->name, "spare")) {
         return ERROR_NONE;
@@ -215,12 +215,12 @@ static enum error_code board_build_axis(struct rig_builder *b, const struct raw_
     axis->gear = axis->valve ? 1.0 : joint->sea.N;
     axis->winding_ohm = joint->sea.R;
     axis->winding_h = joint->sea.L;
+    axis->current_loop_hz = joint->sea.current_loop_hz;
     axis->bemf_v_s_rad =
         axis->valve ? hydraulic_speed_constant(&joint->hydraulic, &b->robot->hydraulic_supply,
                                                joint->lower, joint->upper)
                     : joint->sea.Kw;
     axis->torque_nm_a = joint->sea.Kt;
-    axis->rotor_kg_m2 = joint->sea.J;
     return ERROR_NONE;
 }
 
@@ -441,7 +441,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     const struct protocol *protocol = b->bus[bus].protocol;
     enum error_code code = board_check_keys(b, raw);
     struct raw_board merged;
-    static const char *const described[] = {"model", "current_factor", "torque_factor",
+    static const char *const described[] = {"model", "current_gain", "torque_gain",
                                             "torque_offset_nm"};
     char name[80];
     int model = 0;

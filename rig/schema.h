@@ -97,8 +97,8 @@ struct raw_board {
     struct yaml_name *axis; /* only for BOARD_MOTOR */
     size_t naxis;
     double current_limit_a;
-    double current_factor, torque_factor, torque_offset_nm; /* of a drive's report */
-    struct yaml_name *joint;                                /* only for BOARD_TORQUE */
+    double current_gain, torque_gain, torque_offset_nm; /* of a drive's report */
+    struct yaml_name *joint;                            /* only for BOARD_TORQUE */
     size_t njoint;
     const char *sensor;  /* only for BOARD_FT */
     int external_torque; /* 1 = its joints follow the reported torque, 0 = the reported angle */

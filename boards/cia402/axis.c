@@ -346,7 +346,7 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
                              const struct board_config *board)
 {
     struct cia402_axis_settings *p = &axis->settings;
-    double kp, ki;
+    const double hz = config->current_loop_hz > 0.0 ? config->current_loop_hz : CURRENT_LOOP_HZ;
 
     /* Limits, time-out and position gain */
     p->current_limit_ma = cia402_counts(config->current_limit_a, 1e-3);
@@ -370,9 +370,8 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
     /* Tune the loops of a motor from its winding and back-EMF */
     axis->rated_torque_mnm = cia402_counts(config->current_limit_a * config->bemf_v_s_rad, 1e-3);
     if (config->winding_ohm > 0.0) {
-        current_loop_tune(config->winding_ohm, config->winding_h, &kp, &ki);
-        p->current_gain[0] = cia402_counts(kp, 1e-3);
-        p->current_gain[1] = cia402_counts(ki, 1e-3);
+        p->current_gain[0] = cia402_counts(2.0 * M_PI * hz * config->winding_h, 1e-3);
+        p->current_gain[1] = cia402_counts(2.0 * M_PI * hz * config->winding_ohm, 1e-3);
         p->current_gain[2] = cia402_counts(config->bemf_v_s_rad, 1e-3);
         p->velocity_gain[0] = cia402_counts(VELOCITY_KP * config->bemf_v_s_rad, 1e-3);
         p->velocity_gain[1] = cia402_counts(VELOCITY_KI * config->bemf_v_s_rad, 1e-3);

@@ -328,7 +328,7 @@ enum cia402_abort cia402_axis_write_homing(struct cia402_node *node,
  * on springs below this frequency, until it falls.
  *
  * The winding's resistance limits the voltage, so that the current stays within its limit. The
- * current loop of the torque modes is that of boards/axis.h.
+ * torque modes hand a current to the drive's own controller (boards/axis.h).
  */
 
 enum { STOP_MAX_MS = 2000, TORQUE_NEAR = 50 };
@@ -346,7 +346,8 @@ void cia402_axis_stand(struct cia402_axis *axis)
     axis->has_target = axis->has_target && !cia402_axis_is_on(axis);
     axis->interpolation_left_ms = 0;
     axis->torque_reference = 0.0;
-    axis->integral_v = axis->velocity_integral_v = axis->base.voltage_v = 0.0;
+    axis->velocity_integral_v = axis->base.voltage_v = 0.0;
+    axis->base.law.on = false;
     axis->following_ms = axis->reached_ms = axis->standstill_ms = axis->stop_ms = 0;
 }
 
@@ -533,9 +534,9 @@ static double cia402_axis_lead_back(struct cia402_axis *axis, double wanted)
     return further ? 0.0 : wanted;
 }
 
-/* Moves the torque reference to its target; profile mode limits the slope. Returns the voltage of
- * the current loop. */
-static double cia402_axis_step_torque(struct cia402_axis *axis)
+/* Moves the torque reference to its target; profile mode limits the slope. Hands the current to the
+ * current controller. */
+static void cia402_axis_step_torque(struct cia402_axis *axis)
 {
     const struct cia402_axis_settings *p = &axis->settings;
     double slope = (double)p->torque_slope * STEP_S;
@@ -543,7 +544,8 @@ static double cia402_axis_step_torque(struct cia402_axis *axis)
     double most = (double)(p->max_torque < p->max_current ? p->max_torque : p->max_current);
     double torque = halt ? 0.0 : (double)(axis->target_torque + axis->torque_offset);
     double wanted = fmax(fmin(torque, most), -most), change = wanted - axis->torque_reference;
-    double wanted_a;
+    double thousandth_a = 1e-3 * (double)axis->rated_current_ma * 1e-3;
+    double henry = axis->base.config->winding_h;
 
     axis->limited = axis->limited || fabs(torque) > most;
     if (axis->mode == CIA402_CYCLIC_TORQUE || fabs(change) <= slope) {
@@ -552,15 +554,16 @@ static double cia402_axis_step_torque(struct cia402_axis *axis)
         axis->torque_reference += copysign(slope, change);
     }
     torque = cia402_axis_lead_back(axis, axis->torque_reference);
-    wanted_a = torque * 1e-3 * (double)axis->rated_current_ma * 1e-3;
     axis->torque_demand = cia402_counts(torque, 1.0);
-    return current_loop_step(&axis->integral_v, (double)p->current_gain[0] * 1e-3,
-                             (double)p->current_gain[1] * 1e-3, wanted_a - axis->base.current_a,
-                             axis->base.supply_v) +
-           (double)p->current_gain[2] * 1e-3 * axis->base.velocity_rad_s;
+    axis_follow_law(
+        &axis->base,
+        &(struct current_law){.current_a = torque * thousandth_a,
+                              .limit_a = most * thousandth_a,
+                              .bandwidth_rad_s =
+                                  henry > 0.0 ? (double)p->current_gain[0] * 1e-3 / henry : 0.0});
 }
 
-/* Runs one step of the active mode. Returns the bridge voltage. */
+/* Runs one step of the active mode. Returns the bridge voltage, as measured in torque modes. */
 static double cia402_axis_step_mode(struct cia402_axis *axis)
 {
     const struct cia402_axis_settings *p = &axis->settings;
@@ -604,7 +607,8 @@ static double cia402_axis_step_mode(struct cia402_axis *axis)
     /* Torque modes and voltage mode */
     case CIA402_TORQUE:
     case CIA402_CYCLIC_TORQUE:
-        return cia402_axis_step_torque(axis);
+        cia402_axis_step_torque(axis);
+        return axis->base.voltage_v;
     case CIA402_VOLTAGE_MODE:
         return cia402_axis_lead_back(axis, (double)axis->target_voltage * CIA402_VOLTAGE_V);
     default:
@@ -624,6 +628,7 @@ void cia402_axis_step(struct cia402_axis *axis)
             cia402_axis_stand(axis);
         }
     }
+    axis->base.law.on = false;
     if (!cia402_axis_is_on(axis)) {
         axis->base.voltage_v = 0.0;
         return;

@@ -231,7 +231,8 @@ struct cia402_axis_settings {
     int64_t homing_method, homing_speed[2], homing_acceleration;
     int64_t interpolation_ms, interpolation_exponent;
     int64_t timeout_ms, current_limit_ma, temperature_limit_c;
-    /* [0]: proportional, mV/A; [1]: integral, mV/(A s); [2]: back-EMF, mV s/rad */
+    /* [0]: proportional, mV/A: the bandwidth times L; [1]: integral, mV/(A s), without effect: the
+     * controller cancels the winding; [2]: back-EMF, mV s/rad */
     int64_t current_gain[3];
     /* [0]: proportional, mV s/rad; [1]: integral, mV/rad; [2]: integral of the position modes,
      * mV/rad */
@@ -299,7 +300,7 @@ struct cia402_axis {
     bool limited; /* a limit has reduced a set point */
 
     /* Loops and sensors */
-    double integral_v, velocity_integral_v;
+    double velocity_integral_v;
     double rpm_rad; /* rotor rpm per link-side rad/s */
     int64_t home;   /* motor encoder reading at position 0 */
 };

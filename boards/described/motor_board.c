@@ -12,7 +12,9 @@
  *   velocity   torque* = velocity_nm_s_rad (v* - v) + integral + torque target
  *   impedance  torque* = kp (p* - p) + kd (v* - v) + torque target
  *   torque     current* = torque* / torque constant
- *   current    PI loop with the back-EMF (boards/axis.h), within the current limit
+ *   current    the drive's own controller (boards/axis.h), within the current limit
+ *
+ * The controller applies kp, kd and velocity_nm_s_rad to the rotor's angle and speed at all times.
  *
  * A servo valve drives its axis at a speed proportional to its voltage. Therefore the velocity law
  * sets the voltage to v* times the back-EMF constant.
@@ -51,7 +53,8 @@ static void axis_forget(const struct described_node *node, struct described_axis
     axis->target[DESCRIBED_TO_VELOCITY_CAP - DESCRIBED_SET_POINT] = HUGE_VAL;
     axis->target[DESCRIBED_TO_CURRENT_CAP - DESCRIBED_SET_POINT] = HUGE_VAL;
     axis->command_ns = node->board.boards->now_ns;
-    axis->integral_v = axis->integral_nm = axis->base.voltage_v = 0.0;
+    axis->integral_nm = axis->base.voltage_v = 0.0;
+    axis->base.law.on = false;
     axis->base.overload_ms = 0.0;
 
     /* The position target becomes the present position, not 0 */
@@ -380,13 +383,8 @@ static void described_motor_power_up(struct board *board)
     };
 
     for (unsigned i = 0; i < node->axes; i++) {
-        const struct board_axis_config *config = &board->config.axis[i];
         struct described_axis *axis = &node->axis[i];
 
-        if (config->winding_ohm > 0.0) {
-            current_loop_tune(config->winding_ohm, config->winding_h, &axis->kp_v_a,
-                              &axis->ki_v_as);
-        }
         axis->state = node->protocol->off_state;
         axis->law = 0;
         axis->active = DESCRIBED_OFF;
@@ -395,7 +393,6 @@ static void described_motor_power_up(struct board *board)
         axis->commands = 0;
         axis->temperature_c = PLANT_AMBIENT_C;
         axis->zero_rad = 0.0;
-        axis->wanted_a = 0.0;
         memcpy(axis->setting, setting, sizeof axis->setting);
         axis_restore(node, axis, first);
         axis_forget(node, axis);
@@ -466,10 +463,12 @@ static void axis_expire(struct described_node *node, struct described_axis *axis
         axis_enter(node, axis, state, axis->law);
     } else {
         double voltage_v = axis->base.voltage_v, overload_ms = axis->base.overload_ms;
+        bool follows_law = axis->base.law.on;
 
         axis_forget(node, axis);
         axis->command_ns = command_ns;
         axis->base.voltage_v = voltage_v;
+        axis->base.law.on = follows_law;
         axis->base.overload_ms = overload_ms;
     }
 }
@@ -509,68 +508,11 @@ static void axis_watch_faults(struct described_node *node, struct described_axis
 
 double described_axis_current_limit(const struct described_node *node, unsigned axis)
 {
+    const struct board_axis_config *config = &node->board.config.axis[axis];
     double cap = fmax(axis_target(&node->axis[axis], DESCRIBED_TO_CURRENT_CAP), 0.0);
+    double told = fmin(cap, axis_setting(&node->axis[axis], DESCRIBED_CURRENT_LIMIT));
 
-    return fmin(fmin(node->board.config.axis[axis].current_limit_a, cap),
-                axis_setting(&node->axis[axis], DESCRIBED_CURRENT_LIMIT));
-}
-
-/* Returns the voltage of the current loop, with its target limited to the current limit. */
-static double axis_current_law(const struct described_node *node, struct described_axis *axis,
-                               double wanted_a)
-{
-    double limit = described_axis_current_limit(node, axis_index(node, axis));
-
-    axis->wanted_a = fmax(fmin(wanted_a, limit), -limit);
-    return current_loop_step(&axis->integral_v, axis->kp_v_a, axis->ki_v_as,
-                             axis->wanted_a - axis->base.current_a, node->board.boards->supply_v) +
-           axis->base.config->bemf_v_s_rad * axis->base.velocity_rad_s;
-}
-
-/* Returns the voltage of the current loop for a torque target. */
-static double axis_torque_law(const struct described_node *node, struct described_axis *axis,
-                              double torque_nm)
-{
-    double constant = axis->base.config->torque_nm_a;
-
-    return axis_current_law(node, axis, constant > 0.0 ? torque_nm / constant : 0.0);
-}
-
-/* Integral gain of a velocity loop per proportional gain, 1/s, at most. */
-#define INTEGRAL_PER_S 4.0
-
-/* Returns a gain of torque per speed that a loop bears on the axis's rotor. Real drives sample at
- * 20 kHz; with a sample per tick, a larger gain overshoots a light rotor. */
-static double axis_bearable_gain(const struct described_node *node,
-                                 const struct described_axis *axis, double nm_s_rad)
-{
-    const double tick_s = fmax((double)node->board.boards->tick_ns * 1e-9, 1e-3);
-    const double most = 0.5 * axis->base.config->rotor_kg_m2 / tick_s;
-
-    return most > 0.0 ? fmin(nm_s_rad, most) : nm_s_rad;
-}
-
-/* Returns the voltage of the velocity loop. For a valve it is proportional to the speed. */
-static double axis_velocity_law(const struct described_node *node, struct described_axis *axis,
-                                double wanted_rad_s)
-{
-    const struct board_axis_config *config = axis->base.config;
-    double cap = fmax(axis_target(axis, DESCRIBED_TO_VELOCITY_CAP), 0.0);
-    double limit = fmin(axis_setting(axis, DESCRIBED_VELOCITY_LIMIT), cap);
-    double most = config->torque_nm_a * config->current_limit_a, error, gain;
-
-    wanted_rad_s = fmax(fmin(wanted_rad_s, limit), -limit);
-    error = wanted_rad_s - axis->base.velocity_rad_s;
-
-    if (config->valve) {
-        return config->bemf_v_s_rad * wanted_rad_s;
-    }
-    gain = axis_bearable_gain(node, axis, axis_setting(axis, DESCRIBED_VELOCITY_GAIN));
-    axis->integral_nm +=
-        fmin(axis_setting(axis, DESCRIBED_INTEGRAL_GAIN), INTEGRAL_PER_S * gain) * error * 1e-3;
-    axis->integral_nm = fmax(fmin(axis->integral_nm, most), -most);
-    return axis_torque_law(
-        node, axis, gain * error + axis->integral_nm + axis_target(axis, DESCRIBED_TO_TORQUE));
+    return fmin(config->current_limit_a, told / axis_gain_or_1(config->current_gain));
 }
 
 /* Returns the position target of an axis on the joint's scale. */
@@ -579,42 +521,88 @@ static double axis_position_target(const struct described_axis *axis)
     return axis_target(axis, DESCRIBED_TO_POSITION) + axis->zero_rad;
 }
 
-/* Returns the voltage of the law in force. */
-static double axis_law_voltage(const struct described_node *node, struct described_axis *axis)
+/* Hands a law to the current controller: a current, A, and a torque, N m, with its gains, as the
+ * drive takes them. */
+static void axis_current_law(const struct described_node *node, struct described_axis *axis,
+                             double current_a, double torque_nm, double kp, double kd,
+                             double speed_rad_s)
+{
+    const struct board_axis_config *config = axis->base.config;
+    const double nm_a = config->torque_nm_a * axis_gain_or_1(config->torque_gain);
+    const double a_nm = nm_a > 0.0 ? 1.0 / nm_a : 0.0;
+
+    axis_follow_law(
+        &axis->base,
+        &(struct current_law){
+            .current_a = current_a / axis_gain_or_1(config->current_gain) + torque_nm * a_nm,
+            .limit_a = described_axis_current_limit(node, axis_index(node, axis)),
+            .stiffness_a_rad = kp * a_nm,
+            .position_rad = axis_position_target(axis),
+            .damping_a_s_rad = kd * a_nm,
+            .speed_rad_s = speed_rad_s});
+}
+
+/* Runs the velocity loop. For a valve the voltage is proportional to the speed. */
+static void axis_velocity_law(const struct described_node *node, struct described_axis *axis,
+                              double wanted_rad_s)
+{
+    const struct board_axis_config *config = axis->base.config;
+    double cap = fmax(axis_target(axis, DESCRIBED_TO_VELOCITY_CAP), 0.0);
+    double limit = fmin(axis_setting(axis, DESCRIBED_VELOCITY_LIMIT), cap);
+    double most = config->torque_nm_a * config->current_limit_a, error;
+
+    wanted_rad_s = fmax(fmin(wanted_rad_s, limit), -limit);
+    error = wanted_rad_s - axis->base.velocity_rad_s;
+
+    if (config->valve) {
+        axis_apply_voltage(&axis->base, config->bemf_v_s_rad * wanted_rad_s);
+        return;
+    }
+    axis->integral_nm += axis_setting(axis, DESCRIBED_INTEGRAL_GAIN) * error * 1e-3;
+    axis->integral_nm = fmax(fmin(axis->integral_nm, most), -most);
+    axis_current_law(node, axis, 0.0, axis->integral_nm + axis_target(axis, DESCRIBED_TO_TORQUE),
+                     0.0, axis_setting(axis, DESCRIBED_VELOCITY_GAIN), wanted_rad_s);
+}
+
+/* Runs the law in force. */
+static void axis_run_law(const struct described_node *node, struct described_axis *axis)
 {
     const struct board_axis_config *config = axis->base.config;
     double speed, wanted;
 
     switch (axis->active) {
-    case DESCRIBED_VOLTAGE:
-        return axis_target(axis, DESCRIBED_TO_VOLTAGE) +
-               axis_target(axis, DESCRIBED_TO_DUTY) * node->board.boards->supply_v;
     case DESCRIBED_CURRENT:
-        return axis_current_law(node, axis, axis_target(axis, DESCRIBED_TO_CURRENT));
+        axis_current_law(node, axis, axis_target(axis, DESCRIBED_TO_CURRENT), 0.0, 0.0, 0.0, 0.0);
+        break;
     case DESCRIBED_TORQUE:
-        return axis_torque_law(node, axis, axis_target(axis, DESCRIBED_TO_TORQUE));
+        axis_current_law(node, axis, 0.0, axis_target(axis, DESCRIBED_TO_TORQUE), 0.0, 0.0, 0.0);
+        break;
     case DESCRIBED_VELOCITY:
-        return axis_velocity_law(node, axis, axis_target(axis, DESCRIBED_TO_VELOCITY));
+        axis_velocity_law(node, axis, axis_target(axis, DESCRIBED_TO_VELOCITY));
+        break;
     case DESCRIBED_POSITION:
         /* The loop stays within the joint's limits */
         speed = axis_setting(axis, DESCRIBED_POSITION_SPEED_LIMIT);
         wanted = fmax(fmin(axis_position_target(axis), config->upper_rad), config->lower_rad);
         wanted = axis_setting(axis, DESCRIBED_POSITION_GAIN) * (wanted - axis->base.motor_rad) +
                  axis_target(axis, DESCRIBED_TO_VELOCITY);
-        return axis_velocity_law(node, axis, fmax(fmin(wanted, speed), -speed));
+        axis_velocity_law(node, axis, fmax(fmin(wanted, speed), -speed));
+        break;
     case DESCRIBED_IMPEDANCE:
         /* A spring to any angle, as real drives have it: they do not know the joint's limits. With
          * the target at the limit, a host that adds the rest of the spring's torque would drive the
          * axis away */
-        return axis_torque_law(
-            node, axis,
-            axis_target(axis, DESCRIBED_TO_KP) *
-                    (axis_position_target(axis) - axis->base.motor_rad) +
-                axis_bearable_gain(node, axis, axis_target(axis, DESCRIBED_TO_KD)) *
-                    (axis_target(axis, DESCRIBED_TO_VELOCITY) - axis->base.velocity_rad_s) +
-                axis_target(axis, DESCRIBED_TO_TORQUE));
+        axis_current_law(node, axis, 0.0, axis_target(axis, DESCRIBED_TO_TORQUE),
+                         axis_target(axis, DESCRIBED_TO_KP), axis_target(axis, DESCRIBED_TO_KD),
+                         axis_target(axis, DESCRIBED_TO_VELOCITY));
+        break;
     default:
-        return 0.0;
+        axis_apply_voltage(&axis->base,
+                           axis->active == DESCRIBED_VOLTAGE
+                               ? axis_target(axis, DESCRIBED_TO_VOLTAGE) +
+                                     axis_target(axis, DESCRIBED_TO_DUTY) * axis->base.supply_v
+                               : 0.0);
+        break;
     }
 }
 
@@ -657,14 +645,7 @@ static void described_motor_control(struct board *board, struct ms_span span)
         axis_watch_faults(node, axis);
         axis_heed_limits(axis);
         for (int64_t ms = span.from; ms < span.to; ms++) {
-            const double supply_v = node->board.boards->supply_v;
-            double v;
-
-            axis->wanted_a = 0.0;
-            v = axis_law_voltage(node, axis);
-            /* Comparisons instead of fmin, which is a call into the library; NaN gives supply_v */
-            v = v < supply_v ? v : supply_v;
-            axis->base.voltage_v = v > -supply_v ? v : -supply_v;
+            axis_run_law(node, axis);
         }
     }
 }

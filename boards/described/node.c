@@ -99,12 +99,6 @@ double described_node_value(const struct described_node *node, unsigned axis,
     return described_value(&now, count);
 }
 
-/* Returns a factor of the rig; 0 stands for 1. */
-static double factor_or_one(double factor)
-{
-    return factor != 0.0 ? factor : 1.0;
-}
-
 /* Returns the state that an axis reports: its own state, or the fault state while it is off. */
 static const struct described_state *described_reported_state(const struct described_node *node,
                                                               const struct described_axis *axis)
@@ -229,14 +223,14 @@ int64_t described_node_count(const struct described_node *node, unsigned index,
         value = axis->base.velocity_rad_s;
         break;
     case DESCRIBED_AXIS_CURRENT:
-        value = axis->base.current_a * factor_or_one(config->current_factor);
+        value = axis->base.current_a * axis_gain_or_1(config->current_gain);
         break;
     case DESCRIBED_AXIS_TORQUE:
         value =
-            axis->base.torque_nm * factor_or_one(config->torque_factor) + config->torque_offset_nm;
+            axis->base.torque_nm * axis_gain_or_1(config->torque_gain) + config->torque_offset_nm;
         break;
     case DESCRIBED_DRIVE_TORQUE:
-        value = axis->base.current_a * config->torque_nm_a * factor_or_one(config->torque_factor) +
+        value = axis->base.current_a * config->torque_nm_a * axis_gain_or_1(config->torque_gain) +
                 config->torque_offset_nm;
         break;
     case DESCRIBED_PISTON_PRESSURE:
@@ -254,10 +248,11 @@ int64_t described_node_count(const struct described_node *node, unsigned index,
         value = supply_v > 0.0 ? axis->base.voltage_v / supply_v : 0.0;
         break;
     case DESCRIBED_CURRENT_TARGET:
-        value = axis->wanted_a;
+        value = axis_wanted_current(&axis->base) * axis_gain_or_1(config->current_gain);
         break;
     case DESCRIBED_TORQUE_TARGET:
-        value = axis->wanted_a * config->torque_nm_a;
+        value = axis_wanted_current(&axis->base) * config->torque_nm_a *
+                axis_gain_or_1(config->torque_gain);
         break;
     case DESCRIBED_ELECTRICAL_POWER:
         value = described_axis_runs(axis) ? axis->base.voltage_v * axis->base.current_a : 0.0;

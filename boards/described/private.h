@@ -44,10 +44,7 @@ struct described_axis {
     int64_t command_ns;
     uint32_t commands; /* number of commands received */
     double setting[DESCRIBED_SETTINGS_END - DESCRIBED_SETTING];
-    double wanted_a; /* target of the current loop; 0 while it is off */
-    /* gains of the current loop; 0 = the rig does not describe the winding */
-    double kp_v_a, ki_v_as;
-    double integral_v, integral_nm, zero_rad;
+    double integral_nm, zero_rad;
     int32_t temperature_c;
 };
 

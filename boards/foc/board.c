@@ -620,11 +620,29 @@ static void foc_board_watch_faults(struct board *board)
 
 /* ---- control laws, once a millisecond ---- */
 
+/* Hands a current to the drive's own controller, whose bandwidth is kp / L. Returns Vq as
+ * measured. */
+static int64_t foc_follow_current(struct foc_board *foc, int64_t target_ma)
+{
+    struct axis *axis = &foc->axis;
+    const double kp_v_a = ldexp((double)foc->current.kp, -(int)foc->current.shift) * axis->supply_v;
+    const double henry = axis->config->winding_h;
+    int32_t vq = 0;
+
+    axis_follow_law(axis, &(struct current_law){.current_a = (double)target_ma * 1e-3,
+                                                .limit_a = (double)foc->peak_ma * 1e-3,
+                                                .bandwidth_rad_s =
+                                                    henry > 0.0 ? fmax(0.0, kp_v_a / henry) : 0.0});
+    control_quantize(axis->supply_v > 0.0 ? axis->voltage_v / axis->supply_v * 1e3 : 0.0, &vq);
+    return vq;
+}
+
 /* Computes the voltage of this millisecond with the law of the mode. */
 static void foc_board_step_laws(struct foc_board *foc)
 {
     int64_t vq, current_ma = foc_board_current_ma(foc), error = foc->target - foc->velocity;
 
+    foc->axis.law.on = false;
     switch (foc->axis.mode) {
     case ICUB_MODE_OPEN_LOOP:
         vq = foc_limiter_step(foc, foc->target / (1 << FOC_VQ_SHIFT), current_ma);
@@ -643,10 +661,10 @@ static void foc_board_step_laws(struct foc_board *foc)
         foc->speed_ma += (error - foc->speed.error) * 16 + error + foc->speed.error;
         foc->speed_ma = control_clamp(foc->speed_ma, -foc->peak_ma, foc->peak_ma);
         foc->speed.error = error;
-        vq = foc_law_step(&foc->current, foc->speed_ma - current_ma);
+        vq = foc_follow_current(foc, foc->speed_ma);
         break;
     case ICUB_MODE_CURRENT:
-        vq = foc_law_step(&foc->current, foc->target - current_ma);
+        vq = foc_follow_current(foc, foc->target);
         break;
     default:
         vq = 0;
@@ -665,7 +683,9 @@ static void foc_board_control(struct board *board, struct ms_span span)
         foc_board_watch_i2t(board);
         foc_board_step_laws(foc);
     }
-    foc->axis.voltage_v = (double)foc->vq * 1e-3 * foc->axis.supply_v;
+    if (!foc->axis.law.on) {
+        foc->axis.voltage_v = (double)foc->vq * 1e-3 * foc->axis.supply_v;
+    }
 }
 
 /* Switches the motor off (struct board_ops). */

@@ -3,13 +3,9 @@
  * The control laws and the state of a 2FOC board. The laws use the integers of the firmware. Units
  * are the protocol's. RT-safe.
  *
- * The inner loops of the firmware run at 20 to 40 kHz. Here they run once a millisecond, because
- * the plant's voltage has this resolution. The gains of the current loop must suit this rate. For a
- * winding with R and L at the supply U, let a = exp(-1 ms R / L). Choose the gains so that
- * (kp - ki/2) / (kp + ki/2) = a and kp + ki/2 = g R / ((1 - a) U), in thousandths of the supply per
- * mA. The current loop of a motor at rest then has its pole at 1 - g. Above g = 1 the loop rings;
- * from g = 2 on it is unstable. Without back-EMF feed-forward, an accelerating motor has a constant
- * current error.
+ * The current modes hand the current to the drive's own controller (boards/axis.h). Its bandwidth
+ * is kp / L, with kp in thousandths of the supply per mA; ki has no effect there. The other laws
+ * and the current limiter run once a millisecond.
  *
  * The voltage Vq is in thousandths of the supply, at most 950 as in the firmware's PWM.
  */

@@ -105,6 +105,18 @@ static int64_t motor_axis_measured_torque(const struct board *board, const struc
     return control_clamp(counts, INT16_MIN, INT16_MAX);
 }
 
+/* Returns the PWM of the present bridge voltage. */
+static int64_t motor_axis_measured_pwm(const struct motor_axis *axis)
+{
+    const struct axis *base = &axis->base;
+    int32_t pwm = 0;
+
+    if (base->supply_v > 0.0) {
+        control_quantize(base->voltage_v / base->supply_v * ICUB_PWM_FULL_SCALE, &pwm);
+    }
+    return pwm_clamp(pwm, ICUB_PWM_FULL_SCALE);
+}
+
 static bool motor_axis_is_impedance(const struct motor_axis *axis)
 {
     if (axis->base.mode == ICUB_MODE_IMPEDANCE_POSITION ||
@@ -123,6 +135,7 @@ void motor_axis_step(const struct board *board, struct motor_axis *axis)
     struct pid_gains gains;
 
     axis->torque = motor_axis_measured_torque(board, axis);
+    axis->base.law.on = false;
 
     /* The law of the mode */
     switch (axis->base.mode) {
@@ -130,11 +143,11 @@ void motor_axis_step(const struct board *board, struct motor_axis *axis)
         axis->output = p[ICUB_P_OPEN_LOOP];
         break;
     case ICUB_MODE_CURRENT:
-        gains = (struct pid_gains){p[ICUB_P_CURRENT_KP], p[ICUB_P_CURRENT_KI], p[ICUB_P_CURRENT_KD],
-                                   p[ICUB_P_CURRENT_SHIFT], INT16_MAX};
-        axis->output = pid_step(&axis->current_pid, &gains,
-                                p[ICUB_P_DESIRED_TORQUE] - motor_axis_current_ma(axis));
-        break;
+        axis_follow_law(&axis->base,
+                        &(struct current_law){.current_a = (double)p[ICUB_P_DESIRED_TORQUE] * 1e-3,
+                                              .limit_a = (double)INFINITY});
+        axis->output = axis->pwm = motor_axis_measured_pwm(axis);
+        return;
     case ICUB_MODE_TORQUE:
         axis->torque_reference = p[ICUB_P_DESIRED_TORQUE];
         axis->output = motor_axis_torque_law(axis);
@@ -181,7 +194,6 @@ void motor_axis_reset_references(struct board *board, struct motor_axis *axis)
     axis->desired_velocity = axis->velocity_rest = 0;
     pid_reset(&axis->position_pid);
     pid_reset(&axis->torque_pid);
-    pid_reset(&axis->current_pid);
     pid_reset(&axis->impedance);
     axis->parameter[ICUB_P_DESIRED_VELOCITY] = 0;
     axis->parameter[ICUB_P_DESIRED_TORQUE] = 0;

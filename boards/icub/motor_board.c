@@ -617,7 +617,9 @@ static void motor_board_control(struct board *board, struct ms_span span)
         for (int64_t ms = span.from; ms < span.to; ms++) {
             motor_axis_step(board, axis);
         }
-        axis->base.voltage_v = (double)axis->pwm / ICUB_PWM_FULL_SCALE * axis->base.supply_v;
+        if (!axis->base.law.on) {
+            axis->base.voltage_v = (double)axis->pwm / ICUB_PWM_FULL_SCALE * axis->base.supply_v;
+        }
     }
 }
 

@@ -31,7 +31,7 @@ struct motor_axis {
     int64_t desired_velocity; /* ramped velocity reference */
     int64_t velocity_rest;    /* fraction of a tick, carried to the next millisecond */
     struct trajectory trajectory;
-    struct pid position_pid, torque_pid, current_pid, impedance;
+    struct pid position_pid, torque_pid, impedance;
     int64_t torque_reference, torque; /* counts */
     int64_t output, pwm;              /* output: of the law; pwm: after the limits */
 

@@ -32,7 +32,8 @@ enum icub_parameter {
     ICUB_P_TORQUE_OFFSET,
     ICUB_P_TORQUE_LIMIT,
     ICUB_P_TORQUE_INTEGRAL_LIMIT,
-    ICUB_P_CURRENT_KP, /* PWM counts per mA, before the right shift */
+    /* stored without effect: the drive's own controller holds the current */
+    ICUB_P_CURRENT_KP,
     ICUB_P_CURRENT_KI,
     ICUB_P_CURRENT_KD,
     ICUB_P_CURRENT_SHIFT,

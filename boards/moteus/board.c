@@ -68,9 +68,10 @@ static void moteus_path_step(struct moteus_path *path, double target_velocity,
 
 /*
  * A moteus controller: one motor, which runs only on command. Modes, faults and the watchdog follow
- * firmware 1.1.0. The control loops run once a millisecond instead of 30 times. The current loop is
- * the one in boards/axis.h. The gains of the position loop stand for the owner's configuration:
- * damping equal to the motor's back-EMF, and 40/s from position error to speed.
+ * firmware 1.1.0. Path and limits advance once a millisecond instead of 30 times. Current and
+ * position loops are laws of the drive's own controller (boards/axis.h). The gains of the position
+ * loop stand for the owner's configuration: damping equal to the motor's back-EMF, and 40/s from
+ * position error to speed.
  */
 
 #define TURN (2.0 * M_PI)
@@ -96,7 +97,8 @@ static void moteus_set_mode(struct board *board, enum moteus_mode mode)
         moteus->value[MOTEUS_R_MODE] = moteus->axis.mode = (uint8_t)mode;
         moteus->axis.on = mode >= MOTEUS_PWM;
         moteus->axis.faulty = mode == MOTEUS_FAULT;
-        moteus->integral_v = moteus->axis.voltage_v = 0.0;
+        moteus->axis.voltage_v = 0.0;
+        moteus->axis.law.on = false;
         if (mode != MOTEUS_TIMEOUT) {
             moteus->path.position = NAN;
             moteus->path.done = false;
@@ -209,7 +211,6 @@ static void moteus_power_up(struct board *board)
         }
     }
     if (axis->winding_ohm > 0.0) {
-        current_loop_tune(axis->winding_ohm, axis->winding_h, &moteus->kp_v_a, &moteus->ki_v_as);
         moteus->kd = moteus->torque_nm_a * axis->bemf_v_s_rad / axis->winding_ohm * TURN;
         moteus->kp = POSITION_PER_S * moteus->kd;
     }
@@ -300,22 +301,20 @@ static double moteus_limit(struct moteus_board *moteus, double value, double lim
     return limited;
 }
 
-/* Returns the voltage of the current loop. */
-static double moteus_current_law(struct moteus_board *moteus, double wanted_a)
+/* Hands a current to the current controller. */
+static void moteus_current_law(struct moteus_board *moteus, double wanted_a)
 {
-    const struct board_axis_config *axis = moteus->axis.config;
+    const double limit_a = moteus->axis.config->current_limit_a;
 
-    wanted_a = moteus_limit(moteus, isnan(wanted_a) ? 0.0 : wanted_a, axis->current_limit_a,
-                            MOTEUS_LIMIT_CURRENT);
-    return current_loop_step(&moteus->integral_v, moteus->kp_v_a, moteus->ki_v_as,
-                             wanted_a - moteus->axis.current_a, moteus->axis.supply_v) +
-           axis->bemf_v_s_rad * moteus->velocity * TURN;
+    wanted_a =
+        moteus_limit(moteus, isnan(wanted_a) ? 0.0 : wanted_a, limit_a, MOTEUS_LIMIT_CURRENT);
+    axis_follow_law(&moteus->axis,
+                    &(struct current_law){.current_a = wanted_a, .limit_a = limit_a});
 }
 
-/* Returns the voltage for the torque of the position loop. Stores the parts of the torque in
- * registers. */
-static double moteus_torque_law(struct moteus_board *moteus, double position_error,
-                                double velocity_error, const double *scale, double max_nm)
+/* Hands the position loop to the controller. Stores the parts of its torque in registers. */
+static void moteus_torque_law(struct moteus_board *moteus, double position_error,
+                              double velocity_error, const double *scale, double max_nm)
 {
     double p = moteus->kp * scale[0] * position_error, d = moteus->kd * scale[1] * velocity_error;
     double torque = moteus_limit(moteus, p + d + scale[2], max_nm, MOTEUS_LIMIT_TORQUE);
@@ -327,8 +326,23 @@ static double moteus_torque_law(struct moteus_board *moteus, double position_err
     value[MOTEUS_R_TORQUE_D] = d;
     value[MOTEUS_R_TORQUE_FEEDFORWARD] = scale[2];
     value[MOTEUS_R_TORQUE_TOTAL] = value[MOTEUS_R_CONTROL_TORQUE] = torque;
-    return moteus_current_law(moteus,
-                              moteus->torque_nm_a > 0.0 ? torque / moteus->torque_nm_a : 0.0);
+    if (moteus->torque_nm_a == 0.0) {
+        moteus_current_law(moteus, 0.0);
+        return;
+    }
+
+    /* Per turn and N m to per rad and A. The controller continues both errors */
+    const double a_nm = 1.0 / moteus->torque_nm_a, limit_a = moteus->axis.config->current_limit_a;
+
+    moteus_limit(moteus, torque * a_nm, limit_a, MOTEUS_LIMIT_CURRENT);
+    axis_follow_law(
+        &moteus->axis,
+        &(struct current_law){.current_a = scale[2] * a_nm,
+                              .limit_a = fmin(limit_a, fabs(max_nm) * a_nm),
+                              .stiffness_a_rad = moteus->kp * scale[0] * a_nm / TURN,
+                              .position_rad = moteus->axis.motor_rad + position_error * TURN,
+                              .damping_a_s_rad = moteus->kd * scale[1] * a_nm / TURN,
+                              .speed_rad_s = (moteus->velocity + velocity_error) * TURN});
 }
 
 /* Returns the value, or 0 if it is NaN. */
@@ -337,8 +351,8 @@ static double number_or_0(double value)
     return isnan(value) ? 0.0 : value;
 }
 
-/* Returns the voltage of the position loop, which follows the path within the position limits. */
-static double moteus_position_law(struct moteus_board *moteus)
+/* Runs the position loop, which follows the path within the position limits. */
+static void moteus_position_law(struct moteus_board *moteus)
 {
     const struct board_axis_config *axis = moteus->axis.config;
     const double *command = moteus->command;
@@ -372,12 +386,12 @@ static double moteus_position_law(struct moteus_board *moteus)
     moteus->value[MOTEUS_R_TRAJECTORY_COMPLETE] = path->done;
     moteus->value[MOTEUS_R_CONTROL_POSITION] = path->position;
     moteus->value[MOTEUS_R_CONTROL_VELOCITY] = path->velocity;
-    return moteus_torque_law(moteus, path->position - position, path->velocity - moteus->velocity,
-                             scale, command[MOTEUS_R_MAX_TORQUE]);
+    moteus_torque_law(moteus, path->position - position, path->velocity - moteus->velocity, scale,
+                      command[MOTEUS_R_MAX_TORQUE]);
 }
 
-/* Returns the voltage of the present mode. */
-static double moteus_law(struct moteus_board *moteus)
+/* Runs the law of the present mode. */
+static void moteus_law(struct moteus_board *moteus)
 {
     const double *command = moteus->command;
     double position = moteus->motor - moteus->zero;
@@ -387,24 +401,30 @@ static double moteus_law(struct moteus_board *moteus)
 
     switch (moteus_mode(moteus)) {
     case MOTEUS_VOLTAGE_DQ:
-        return number_or_0(command[MOTEUS_R_Q_VOLTAGE_COMMAND]);
+        axis_apply_voltage(&moteus->axis, number_or_0(command[MOTEUS_R_Q_VOLTAGE_COMMAND]));
+        break;
     case MOTEUS_CURRENT:
-        return moteus_current_law(moteus, command[MOTEUS_R_Q_CURRENT_COMMAND]);
+        moteus_current_law(moteus, command[MOTEUS_R_Q_CURRENT_COMMAND]);
+        break;
     case MOTEUS_POSITION:
-        return moteus_position_law(moteus);
+        moteus_position_law(moteus);
+        break;
     case MOTEUS_TIMEOUT:
     case MOTEUS_ZERO_VELOCITY:
-        return moteus_torque_law(moteus, 0.0, -moteus->velocity, (const double[]){0.0, kd, 0.0},
-                                 TIMEOUT_TORQUE_NM);
+        moteus_torque_law(moteus, 0.0, -moteus->velocity, (const double[]){0.0, kd, 0.0},
+                          TIMEOUT_TORQUE_NM);
+        break;
     /* outside the bounds, the position loop returns the motor to the nearer bound */
     case MOTEUS_STAY_WITHIN:
-        return moteus_torque_law(
-            moteus, error, -moteus->velocity,
-            (const double[]){number_or_0(command[MOTEUS_R_KP_SCALE]), error == 0.0 ? 0.0 : kd,
-                             number_or_0(command[MOTEUS_R_FEEDFORWARD_TORQUE])},
-            command[MOTEUS_R_MAX_TORQUE]);
-    default:
-        return 0.0; /* brake: the motor is shorted; all other modes: the bridge is open */
+        moteus_torque_law(moteus, error, -moteus->velocity,
+                          (const double[]){number_or_0(command[MOTEUS_R_KP_SCALE]),
+                                           error == 0.0 ? 0.0 : kd,
+                                           number_or_0(command[MOTEUS_R_FEEDFORWARD_TORQUE])},
+                          command[MOTEUS_R_MAX_TORQUE]);
+        break;
+    default: /* brake: the motor is shorted; all other modes: the bridge is open */
+        axis_apply_voltage(&moteus->axis, 0.0);
+        break;
     }
 }
 
@@ -413,7 +433,6 @@ static double moteus_law(struct moteus_board *moteus)
 static void moteus_control(struct board *board, struct ms_span span)
 {
     struct moteus_board *moteus = moteus_board_of(board);
-    double supply_v = moteus->axis.supply_v;
 
     for (int64_t ms = span.from; ms < span.to; ms++) {
         moteus->timeout_s =
@@ -423,7 +442,7 @@ static void moteus_control(struct board *board, struct ms_span span)
         if (moteus_mode(moteus) != MOTEUS_FAULT) {
             moteus->value[MOTEUS_R_FAULT] = MOTEUS_NO_FAULT;
         }
-        moteus->axis.voltage_v = fmax(fmin(moteus_law(moteus), supply_v), -supply_v);
+        moteus_law(moteus);
     }
 }
 

@@ -33,13 +33,12 @@ struct moteus_board {
 
     /* Configuration of the controller */
     double kp, kd; /* N m / turn, N m s / turn */
-    double kp_v_a, ki_v_as, torque_nm_a;
+    double torque_nm_a;
     double zero; /* motor position that the registers show as 0 */
 
     /* motor position and velocity; motor position one sample ago */
     double motor, velocity, before;
     double link_before; /* link position one sample ago */
-    double integral_v;
 };
 
 static inline struct moteus_board *moteus_board_of(const struct board *board)

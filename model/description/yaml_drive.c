@@ -8,6 +8,7 @@
 #include "base/array.h"
 #include "model/description/yaml.h"
 #include "model/drives/effects.h"
+#include "model/plant_io.h"
 
 #include <errno.h>
 #include <stdio.h>

@@ -131,8 +131,7 @@ static void enable(struct bench *bench, bool current)
         return;
     }
     if (bench->protocol == &protocol_foc) {
-        /* Gains of the 2FOC's current loop as boards/foc/private.h says, for g = 0.5 and shift
-         * 15 */
+        /* A PI law for steps of 1 ms, of which the board takes kp / L, with shift 15 */
         double a = exp(-1e-3 * bench->sea.R / bench->sea.L);
         double sum = 0.5 * bench->sea.R / ((1.0 - a) * 48.0);
         /* kp + ki / 2 */
@@ -223,8 +222,8 @@ TEST(a_current_gives_the_torque)
     }
 }
 
-/* The error of a step halves every millisecond, and the speed does not disturb it any more. */
-TEST(the_compact_current_loop_arrives_within_milliseconds)
+/* A step arrives with 1 kHz, and the speed does not disturb it any more. */
+TEST(the_compact_current_loop_arrives_with_its_bandwidth)
 {
     struct bench bench;
 
@@ -234,7 +233,7 @@ TEST(the_compact_current_loop_arrives_within_milliseconds)
     for (int t = 1; t <= 12; t++) {
         command(&bench, true, 4.0);
         tick(&bench);
-        fail_unless_close(hip(&bench)->current_a, 4.0 * (1.0 - pow(0.5, t)), 0.01);
+        fail_unless_close(hip(&bench)->current_a, -4.0 * expm1(-2.0 * M_PI * t), 1e-3);
     }
     stop(&bench);
     start(&bench, &protocol_compact);
@@ -250,20 +249,22 @@ TEST(the_compact_current_loop_arrives_within_milliseconds)
     stop(&bench);
 }
 
-/* With the gains that boards/foc/private.h gives, a step of a held motor halves its error, too. */
-TEST(the_foc_current_loop_is_as_stable_as_its_gains_say)
+/* The bandwidth is kp / L, as boards/foc/private.h says. */
+TEST(the_foc_current_loop_has_the_bandwidth_of_its_gain)
 {
     struct bench bench;
+    double a, w;
 
     start(&bench, &protocol_foc);
+    a = exp(-1e-3 * bench.sea.R / bench.sea.L);
+    w = 0.25 * bench.sea.R * (1.0 + a) / (1.0 - a) / bench.sea.L;
     plant_command(bench.rig.plant)->motor[HIP].condition = DRIVE_JAM;
     enable(&bench, true);
     tick(&bench);
     for (int t = 1; t <= 12; t++) {
         command(&bench, true, 4.0);
         tick(&bench);
-        /* A thousandth of the supply is 72 mA through this winding */
-        fail_unless_close(hip(&bench)->current_a, 4.0 * (1.0 - pow(0.5, t)), 0.1);
+        fail_unless_close(hip(&bench)->current_a, -4.0 * expm1(-1e-3 * w * t), 0.01);
     }
     stop(&bench);
 }

@@ -36,6 +36,18 @@ struct board_bench {
     size_t count[BENCH_BUSES];
 };
 
+/* Returns the current that joint j's law wants beyond the present one, A; the motor is at rest. */
+static inline double bench_lacking_a(const struct board_bench *bench, int j)
+{
+    const struct current_law *law = &bench->motor[j].law;
+    const double wanted_a = law->current_a +
+                            law->stiffness_a_rad * (law->position_rad - law->reading_rad) +
+                            law->damping_a_s_rad * law->speed_rad_s;
+
+    assert_true(law->on);
+    return fmax(fmin(wanted_a, law->limit_a), -law->limit_a) - bench->sense[j].current_a;
+}
+
 static inline struct board_axis_config bench_axis(int joint)
 {
     return (struct board_axis_config){

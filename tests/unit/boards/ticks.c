@@ -159,33 +159,17 @@ TEST_ON(integrals_grow_with_time_whatever_the_tick, board_bench, bench)
     for (size_t t = 0; t < ARRAY_COUNT(ticks_ns); t++) {
         int64_t from_ns;
 
-        /* Current of 1000 mA wanted, none there: 1000/32, and 2000/32 more with every ms */
+        /* A speed of 50 wanted, none there: 17 x 50 mA, and 2 x 50 more with every ms */
         start_foc(bench, ticks_ns[t]);
         bench_ticks(bench, 7);
-        bench_send(bench, 0, 0x001, "09 06");
-        bench_send(bench, 0, 0x10f, "E8 03");
-        for (from_ns = bench->now_ns; bench->now_ns < from_ns + 13 * MS;) {
-            double n, per_mille;
-
-            bench_say(bench, 0, 0x10f, "E8 03");
-            n = steps_since(bench, from_ns);
-            per_mille = n > 0.0 ? floor((2.0 * n - 1.0) * 1000.0 / 32.0) : 0.0;
-            assert_near(bench->motor[0].voltage_v, per_mille * 1e-3 * SUPPLY_V, 1e-9);
-        }
-
-        /* 0.5 A wanted: 0.25 V more with every ms of R = 1 ohm, beside what is proportional */
-        start_compact(bench, ticks_ns[t]);
-        bench_ticks(bench, 7);
-        bench_send(bench, 0, 0x020, "02 01 00 00 00");
-        bench_send(bench, 0, 0x040, "F4 01");
+        bench_send(bench, 0, 0x001, "09 0B");
         for (from_ns = bench->now_ns; bench->now_ns < from_ns + 13 * MS;) {
             double n;
 
-            bench_tick(bench);
+            bench_say(bench, 0, 0x10f, "32 00");
             n = steps_since(bench, from_ns);
-            assert_near(bench->motor[0].voltage_v,
-                        n > 0.0 ? 0.5 * exp(-1.0) / (2.0 * (1.0 - exp(-1.0))) + 0.25 * n : 0.0,
-                        1e-3);
+            assert_near(n > 0.0 ? bench->motor[0].law.current_a : 0.0,
+                        n > 0.0 ? 0.85 + 0.1 * (n - 1.0) : 0.0, 1e-9);
         }
     }
 }

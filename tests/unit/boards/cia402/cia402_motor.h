@@ -23,12 +23,16 @@ static inline void turn(struct motor *motor, int ticks)
     struct board_bench *bench = &motor->bench;
 
     while (ticks-- > 0) {
-        bench_control(bench);
-        for (int i = 0; i < 100; i++) {
-            double volts = bench->motor[0].voltage_v;
+        const struct motor_command *command = &bench->motor[0];
+        double wanted_a;
 
-            motor->current =
-                bench->motor[0].bridge_on ? (volts - KW * motor->velocity) / R_OHM : 0.0;
+        bench_control(bench);
+        wanted_a = command->law.on ? motor->current + bench_lacking_a(bench, 0) : 0.0;
+        for (int i = 0; i < 100; i++) {
+            motor->current = !command->bridge_on ? 0.0
+                             : command->law.on
+                                 ? wanted_a
+                                 : (command->voltage_v - KW * motor->velocity) / R_OHM;
             motor->velocity += (KW * motor->current - motor->load_nm) / J_KG_M2 * 1e-5;
             motor->velocity = motor->jammed ? 0.0 : motor->velocity;
             motor->angle += motor->velocity * 1e-5;

@@ -121,7 +121,8 @@ TEST_ON(a_mode_begins_with_set_point_0, board_bench, bench)
         enter(bench, modes[m]);
         bench_tick(bench);
         assert_true(bench->motor[0].bridge_on);
-        assert_near(bench->motor[0].voltage_v, 0.0, 1e-9);
+        assert_near(bench->motor[0].law.on ? bench_lacking_a(bench, 0) : bench->motor[0].voltage_v,
+                    0.0, 1e-9);
     }
 }
 
@@ -206,24 +207,12 @@ TEST_ON(faults_have_their_bits, board_bench, bench)
     }
 }
 
-/* v += kp (e - e') + ki / 2 (e + e'), kp 146, ki 227, in 2^-15 thousandths of the supply a mA */
-TEST_ON(the_current_law_is_the_firmware_s, start, bench)
+TEST_ON(a_current_is_for_the_drive_s_own_controller, start, bench)
 {
-    int64_t v = 0, before = 0;
-    int32_t current = 0; /* mA, as the board has sampled it */
-
     enter(bench, "09 06");
-    for (int t = 0; t < 300; t++) {
-        int64_t error = 1500 - current;
-
-        v += 146 * (error - before) + 113 * (error + before);
-        v = v > 950 * 32768 ? 950 * 32768 : v < -950 * 32768 ? -950 * 32768 : v;
-        before = error;
-        current = 7 * t % 4000 - (t > 200 ? 0 : 2500);
-        bench->sense[0].current_a = current * 1e-3;
-        target(bench, "DC 05");
-        assert_near(bench->motor[0].voltage_v, floor((double)v / 32768.0) * 1e-3 * SUPPLY_V, 1e-9);
-    }
+    target(bench, "DC 05");
+    assert_near(bench_lacking_a(bench, 0), 1.5, 1e-9);
+    assert_near(bench->motor[0].law.limit_a, 8.0, 1e-9); /* the peak */
 }
 
 TEST_ON(open_loop_holds_the_current_at_its_peak, start, bench)

@@ -184,7 +184,6 @@ struct law {
 };
 
 static const struct law laws[] = {
-    {"09 06", "65 00 00 00 10 00 00 0C", "F4 01 00 00 0C FE", 0.0},
     {"09 0A", "69 00 00 00 10 00 00 0E", "F4 01 00 00 0C FE", 0.0},
     {"09 0B", "65 00 00 00 10 00 00 0C", "32 00 00 00 CE FF", 0.0},
     {"09 01", "7D 02 03 00 00 00 80 3F", "F4 01 00 00 0C FE", 0.0},
@@ -198,14 +197,17 @@ static void send_to_both(struct board_bench *bench, const char *hex)
     }
 }
 
-/* Enters the mode and notes the voltages of its first ms. */
+/* Enters the mode and notes the voltages, or tenths of amperes, of its first ms. */
 static void enter_law(struct board_bench *bench, const struct law *law, double volts[STEPS][AXES])
 {
     send_to_both(bench, law->mode);
     for (int n = 0; n < STEPS; n++) {
         target(bench, law->targets);
-        volts[n][0] = bench->motor[0].voltage_v;
-        volts[n][1] = bench->motor[1].voltage_v;
+        for (int axis = 0; axis < AXES; axis++) {
+            const struct motor_command *motor = &bench->motor[axis];
+
+            volts[n][axis] = motor->law.on ? 10.0 * motor->law.current_a : motor->voltage_v;
+        }
         assert_true(bench->motor[0].bridge_on && bench->motor[1].bridge_on);
     }
 }

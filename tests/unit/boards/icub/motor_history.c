@@ -191,7 +191,7 @@ struct law {
 };
 
 static const struct law laws[] = {
-    {"08", 0x52, 0}, {"01", 0x52, 0}, {"03", 0x4e, 1}, {"04", 0x4e, 1}, {"06", 0x65, 2}};
+    {"08", 0x52, 0}, {"01", 0x52, 0}, {"03", 0x4e, 1}, {"04", 0x4e, 1}};
 
 /* Makes an error of so many counts in the coming ticks. */
 static void show_error(struct board_bench *bench, const struct law *law, int axis, int counts)
@@ -200,10 +200,8 @@ static void show_error(struct board_bench *bench, const struct law *law, int axi
 
     if (law->unit == 0) {
         sense->q -= counts / TICKS_PER_RAD;
-    } else if (law->unit == 1) {
-        sense->torque_nm = -counts * 55.0 / 32768.0;
     } else {
-        sense->current_a = -counts * 1e-3;
+        sense->torque_nm = -counts * 55.0 / 32768.0;
     }
     boards_sample(bench->boards, bench->now_ns, &bench->sensors);
 }
