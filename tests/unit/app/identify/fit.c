@@ -196,6 +196,60 @@ TEST(an_output_is_locked_yields_or_turns)
     }
 }
 
+/* Filter, delay, inertia and damping of a drive behind a spring, and a gain for a group, come back
+ * from the load torque of a lock under torque steps. */
+TEST(an_elastic_drive_comes_back_from_its_lock)
+{
+    static const char *const free[] = {"command_filter_s", "command_delay_s", "J_kg_m2",
+                                       "Dm_nm_s_rad", "command_gain"};
+    static const double true_values[] = {0.03, 0.0042, 0.03, 1.2, 1.1},
+                        start[] = {0.02, 0.003, 0.02, 0.6, 1.0};
+    struct recording r = recording;
+    struct trial_robot made = bench.trial, begin;
+    struct fit_problem problem = {.rig = bench.rig,
+                                  .trial = &begin,
+                                  .law = &(struct bench_law){.torque_kp = 0.0},
+                                  .recording = &r,
+                                  .nrecording = 1,
+                                  .nfree = ARRAY_COUNT(free),
+                                  .steps = 40};
+    struct simulated out = {.signal = {[SIGNAL_LOAD_TORQUE] = current}};
+    static struct fit_result result;
+
+    made.effects = (struct robot_effects){0};
+    made.joint.sea.Ks = 2425.0;
+    made.mount = (struct bench_mount){.output = OUTPUT_LOCKED};
+    begin = made;
+    for (size_t i = 0; i < ARRAY_COUNT(free); i++) {
+        struct fit_free *of = &problem.free[i];
+
+        *of = (struct fit_free){.parameter = parameter_find(free[i]),
+                                .start = start[i],
+                                .lower = 0.1 * start[i],
+                                .upper = 5.0 * start[i]};
+        if (i == 4) {
+            of->group = "a";
+            parameter_set_group(&made, &(struct group_number){"a", of->parameter, true_values[i]});
+        } else {
+            parameter_set(&made, &of->parameter, &true_values[i], 1);
+        }
+    }
+    for (size_t i = 0; i < ROWS; i++) {
+        column[2][i] = i / 100 % 2 ? 0.2 : -0.1;
+    }
+    r.signal[SIGNAL_POSITION] = NULL;
+    r.command = COMMAND_TORQUE;
+    r.group = "a";
+    assert_ok(simulate_recording(bench.rig, &made, problem.law, &r, &out, &error));
+    memcpy(column[1], current, sizeof current);
+    r.signal[SIGNAL_LOAD_TORQUE] = column[1];
+    assert_ok(fit_solve(&problem, &result, &error));
+    for (size_t i = 0; i < ARRAY_COUNT(free); i++) {
+        assert_near(result.value[i], true_values[i], 0.01 * true_values[i]);
+        assert_int_equal(result.verdict[i], FIT_KNOWN);
+    }
+}
+
 /* A lag of 50 ms with a gain of 2: times of a step are tau ln 1/(1 - share), and the bandwidth of a
  * sweep is where |H| falls to 0.707 of |H| at 1 Hz. */
 TEST(responses_are_of_closed_form)

@@ -10,7 +10,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 . "$source/tests/service/tap.sh"
 tap_show=$work/out
-echo "1..21"
+echo "1..24"
 
 # arm FOLDER OHM: a pendulum on a drive of the catalogue with friction by load
 arm() {
@@ -179,3 +179,27 @@ END
 "$hil" validate "$work/guess/rigs/oil.yaml" >"$work/out" 2>&1
 [ $? -eq 2 ] && grep -q 'oil.yaml:4:8: found a hydraulic drive' "$work/out"
 result $? "points of a hydraulic drive are refused"
+
+# The measured actuator behind a spring, whose recordings do not ship
+COMAN_HIL_DATA=$work "$hil" validate sea-rmd-x8 >"$work/out" 2>&1
+[ $? -eq 1 ] && grep -q '^missing sea-rmd-x8 .*commit 755c1e1' "$work/out"
+result $? "a bench without its recordings says how to get them"
+
+for kind in SEAStepResponse/sr_sea-3-1-55-100 SEAMotorBandwidth/bw_sea-0.5-2-8-40 \
+    SEABandwidthClosedLoop/bw_sea_cl-2-1-22; do
+    mkdir -p "$work/clone/Python/TestData/${kind%/*}"
+    printf ',time,torque_in,torque_ati,torque_sea\n0,0.123456789,3,2.5,1e-9\n' \
+        >"$work/clone/Python/TestData/$kind"
+done
+python3 "$source/config/validation/sea-rmd-x8.py" "$work/clone" "$work/made" >"$work/out" 2>&1 &&
+    [ "$(cd "$work/made" && echo *)" = "chirp-0.5nm-2.csv closed-chirp-2nm.csv step-3nm.csv" ] &&
+    [ "$(tail -1 "$work/made/step-3nm.csv")" = 0.123457,3,2.5,1e-09 ]
+result $? "its script converts the recordings of the repository"
+
+if [ ! -d "${HIL_MEASURED:-}/sea-rmd-x8" ]; then
+    skip "the measured actuator is within its limits" "HIL_MEASURED names no folder of recordings"
+else
+    COMAN_HIL_DATA=$HIL_MEASURED timeout -k 5 250 "$hil" validate sea-rmd-x8 sea-rmd-x8-closed \
+        >"$work/out" 2>&1
+    result $? "the measured actuator is within its limits"
+fi
