@@ -5,9 +5,10 @@
     closed_loop.py [AMPLITUDE_NM [FILE.csv]]
 
 rig.yaml beside this file is the measured actuator of config/validation/sea-rmd-x8.yaml.
-The controller is that of the recordings: the reference, plus the error of the spring's torque that
-is taken anew every 10 ms. A sweep to 40 Hz in 40 s is the reference. It prints gains by the cross
-spectrum in bands of 1 Hz. FILE has the columns of the recordings, for `coman-hil identify`.
+The controller is that of the recordings: the reference, plus the error of the spring's torque, taken
+anew every 10 ms and late by three periods, as the spring's encoder had a serial line. A sweep to
+40 Hz in 40 s is the reference. It prints gains by the cross spectrum in bands of 1 Hz. FILE has the
+columns of the recordings, for `coman-hil identify`.
 """
 import cmath
 import math
@@ -17,10 +18,10 @@ import sys
 import coman_hil
 
 RIG = pathlib.Path(__file__).with_name("rig.yaml")
-RATE_HZ, ERROR_PERIOD_S = 600.0, 0.01
+RATE_HZ, ERROR_PERIOD_S, LATE = 600.0, 0.01, 3
 SWEEP_S, SWEEP_HZ = 40.0, 40.0
 TORQUE_CONSTANT_NM_A = 1.393    # of the author of the recordings, behind the gear
-COMMAND_GAIN = 0.947            # of the day of the sweeps
+COMMAND_GAIN = 0.995            # of the day of the sweeps
 
 
 def respond(rows, hz, lines=10):
@@ -47,7 +48,7 @@ def sweep(amplitude_nm, duration_s=SWEEP_S):
             reference = amplitude_nm * math.sin(math.pi * SWEEP_HZ / SWEEP_S * time * time)
             torque = joint.torque_nm
             if time >= taken + ERROR_PERIOD_S:
-                error, taken = reference - torque, time
+                error, taken = reference - (rows[-LATE][2] if len(rows) >= LATE else 0.0), time
             joint.current_a = COMMAND_GAIN * (reference + error) / TORQUE_CONSTANT_NM_A
             rows.append((time, reference, torque))
             # Ticks of 1 ms that end at or after the next period of 1/600 s

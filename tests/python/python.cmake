@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # The Python package: what it makes of the DBC files, and simulators that it starts.
 set(python_folder ${CMAKE_CURRENT_LIST_DIR})
-foreach(area database simulator end plugin)
+foreach(area database simulator end plugin sea)
     hil_script_test(python_${area} LABELS python TIMEOUT 120
         COMMAND /usr/bin/python3 ${python_folder}/${area}.py $<TARGET_FILE:coman-hil>)
 endforeach()
