@@ -5,10 +5,10 @@
     closed_loop.py [AMPLITUDE_NM [FILE.csv]]
 
 rig.yaml beside this file is the measured actuator of config/validation/sea-rmd-x8.yaml.
-The controller is that of the recordings: the reference, plus the error of the spring's torque, taken
-anew every 10 ms and late by three periods, as the spring's encoder had a serial line. A sweep to
-40 Hz in 40 s is the reference. It prints gains by the cross spectrum in bands of 1 Hz. FILE has the
-columns of the recordings, for `coman-hil identify`.
+The controller is that of the recordings: the reference plus the error of the spring's torque. The
+error is taken anew every 10 ms and three periods late: the encoder of the spring had a serial line.
+A sweep to 40 Hz in 40 s is the reference. It prints gains by the cross spectrum in bands of 1 Hz.
+FILE has the columns of the recordings, for `coman-hil identify`.
 """
 import cmath
 import math

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The example that closes the loop of a spring's torque by frames: it follows a slow reference, with
-the lag of the drive's filter it does not follow a fast one, and repeats are equal. Prints TAP."""
+"""The example that closes the loop of a spring's torque by frames. It follows slow references, and
+with the lag of the drive's filter not fast ones; repeats are equal. Prints TAP."""
 import os
 import sys
 
