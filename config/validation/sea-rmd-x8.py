@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Converts the recordings of sea-rmd-x8.yaml from a clone of their repository.
 
