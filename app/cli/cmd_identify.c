@@ -147,6 +147,7 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
     }
     terminal = isatty(STDERR_FILENO);
     problem = (struct fit_problem){.rig = bench.rig,
+                                   .supply_v = bench.supply_v,
                                    .trial = &bench.trial,
                                    .law = &bench.bench.law,
                                    .recording = bench.recording,
@@ -277,6 +278,14 @@ static void print_validation(const struct validation *v)
     for (size_t i = 0; i < v->bench.nrecording; i++) {
         const struct recording *recording = &v->bench.recording[i];
 
+        if (recording->signal[SIGNAL_LOSS]) {
+            const double *loss = v->simulated[i].signal[SIGNAL_LOSS];
+
+            printf("       %s: losses %.1f %% (median), efficiency %.1f points%s\n",
+                   recording->file, 100.0 * v->error[i],
+                   100.0 * point_efficiency_error(recording, loss),
+                   recording->judge ? ", judged" : "");
+        }
         if (!recording->is_checked) {
             fprintf(stderr,
                     "coman-hil: %s: warning: found no key \"crc32\" for %s, expected \"%s\": the "

@@ -30,13 +30,16 @@ enum { RECORDING_BYTES_MAX = 1 << 28 };
     }
 #define STRUCT bench_columns
 static const struct yaml_field column_fields[] = {
-    TEXT("time", true, time),
+    TEXT("time", false, time),
     TEXT("position", false, signal[SIGNAL_POSITION]),
     TEXT("load_torque", false, signal[SIGNAL_LOAD_TORQUE]),
     TEXT("deflection", false, signal[SIGNAL_DEFLECTION]),
     TEXT("motor_position", false, signal[SIGNAL_MOTOR_POSITION]),
     TEXT("current", false, signal[SIGNAL_CURRENT]),
     TEXT("temperature", false, signal[SIGNAL_TEMPERATURE]),
+    TEXT("load", false, signal[SIGNAL_LOSS]),
+    TEXT("speed", false, speed),
+    TEXT("supply_current", false, supply_current),
     TEXT("goal", false, goal),
     TEXT("voltage", false, voltage),
     TEXT("enabled", false, enabled),
@@ -57,6 +60,7 @@ const struct signal_kind signal_kinds[SIGNALS] = {
     [SIGNAL_MOTOR_POSITION] = {"motor_position", "rad"},
     [SIGNAL_CURRENT] = {"current", "A"},
     [SIGNAL_TEMPERATURE] = {"temperature", "deg C"},
+    [SIGNAL_LOSS] = {"loss", "of the losses"},
 };
 
 #define STRUCT bench_sigmas
@@ -264,6 +268,17 @@ static size_t recording_columns(const struct bench_columns *columns)
 /* Checks a bench of recordings. */
 static enum error_code check_recordings(const struct bench *bench, struct error *error)
 {
+    const struct bench_columns *columns = &bench->columns;
+
+    if (columns->signal[SIGNAL_LOSS]) {
+        return bench->drive && !bench->rig && !columns->time && columns->speed && columns->supply &&
+                       columns->supply_current && recording_columns(columns) == 1
+                   ? ERROR_NONE
+                   : yaml_error(error, &columns->mark,
+                                "found a column \"load\", expected steady states of a \"drive\" "
+                                "with columns \"load\", \"speed\", \"supply\" and "
+                                "\"supply_current\" alone");
+    }
     if (!bench->rig || !bench->columns.time || bench->drive) {
         return yaml_error(error, &bench->mark,
                           "found no %s, expected keys \"rig\" and \"columns\" for recordings, or "
@@ -413,6 +428,8 @@ enum {
     COLUMN_VOLTAGE,
     COLUMN_ENABLED,
     COLUMN_SUPPLY,
+    COLUMN_SPEED,
+    COLUMN_SUPPLY_CURRENT,
     COLUMN_SIGNAL, /* SIGNALS of them */
     COLUMNS = COLUMN_SIGNAL + SIGNALS
 };
@@ -422,11 +439,15 @@ enum {
 static enum error_code find_columns(const struct bench_columns *columns, const struct csv *csv,
                                     int column[COLUMNS], struct error *error)
 {
-    const char *title[COLUMNS] = {columns->time, columns->goal,
+    const char *title[COLUMNS] = {columns->time,
+                                  columns->goal,
                                   columns->voltage  ? columns->voltage
                                   : columns->torque ? columns->torque
                                                     : columns->set_current,
-                                  columns->enabled, columns->supply};
+                                  columns->enabled,
+                                  columns->supply,
+                                  columns->speed,
+                                  columns->supply_current};
 
     memcpy(title + COLUMN_SIGNAL, columns->signal, sizeof columns->signal);
     for (size_t i = 0; i < COLUMNS; i++) {
@@ -493,6 +514,37 @@ static enum error_code read_rows(struct csv *csv, const int column[COLUMNS], siz
     }
     r->supply = supply / (double)(r->count ? r->count : 1);
     return code;
+}
+
+/* Reads the rows of steady states. */
+static enum error_code read_steady(struct csv *csv, const int column[COLUMNS], size_t most,
+                                   struct recording *r, struct error *error)
+{
+    enum error_code code;
+    bool end;
+
+    for (r->count = 0; !(code = csv_next(csv, &end, error)) && !end && r->count < most;) {
+        const double load = csv->cell[column[COLUMN_SIGNAL + SIGNAL_LOSS]];
+        const double speed = csv->cell[column[COLUMN_SPEED]];
+        const double power =
+            csv->cell[column[COLUMN_SUPPLY]] * csv->cell[column[COLUMN_SUPPLY_CURRENT]];
+        const size_t i = r->count++;
+
+        r->goal[i] = speed < 0.0 ? -load : load;
+        r->voltage[i] = fabs(speed);
+        r->time[i] = power - load * speed;
+        r->signal[SIGNAL_LOSS][i] = 1.0;
+        if (!(r->time[i] > 0.0)) {
+            return error_set(error, ERROR_INPUT,
+                             "%s:%ld: found losses of %.4g W, expected more than 0: load and speed "
+                             "have one sign if the motor turns the load",
+                             csv->path, csv->line, r->time[i]);
+        }
+    }
+    return !code && r->count < 3
+               ? error_set(error, ERROR_INPUT, "%s: found %zu rows, expected 3 or more", csv->path,
+                           r->count)
+               : code;
 }
 
 enum error_code recording_alloc(struct recording *r, size_t count, const bool has[SIGNALS],
@@ -571,7 +623,9 @@ static enum error_code read_table(const struct bench *bench, const char *path, c
         has[i] = !code && column[COLUMN_SIGNAL + i] >= 0;
     }
     code = code ? code : recording_alloc(r, most + 1, has, arena, error);
-    code = code ? code : read_rows(csv, column, most + 1, r, error);
+    code = code                     ? code
+           : r->signal[SIGNAL_LOSS] ? read_steady(csv, column, most + 1, r, error)
+                                    : read_rows(csv, column, most + 1, r, error);
     csv_close(csv);
     return code;
 }

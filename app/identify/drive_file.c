@@ -108,7 +108,7 @@ enum error_code identify_write_drive(const struct identify_bench *bench,
         return error_set(error, ERROR_INPUT,
                          "%s: found a drive with cogging or gear errors, expected one without: "
                          "these are not written back",
-                         bench->rig->file);
+                         bench->bench.name);
     }
     code = whole_file_open(&file, path, error);
     if (code) {
@@ -119,7 +119,7 @@ enum error_code identify_write_drive(const struct identify_bench *bench,
             "name: %.*s\ndescription: \"%s, identified\"\nsource: \"identified from %s\"\n", length,
             name, bench->bench.name,
             bench->bench.source ? bench->bench.source : "recordings of coman-hil run --record");
-    fprintf(file.out, "supply_v: %.6g\n", bench->rig->supply_v);
+    fprintf(file.out, "supply_v: %.6g\n", bench->supply_v);
     write_keys(bench, problem, result, file.out);
     return whole_file_close(&file, ERROR_NONE, error);
 }

@@ -141,8 +141,9 @@ static enum error_code residuals_of(struct fit *fit, size_t recording, const dou
 
         for (size_t i = 0; i < r->count && value; i++) {
             value[i] = fit->weight[s] * (value[i] - r->signal[s][i]);
-            value[i] =
-                s == SIGNAL_POSITION ? soften_error(value[i], problem->robust_rad) : value[i];
+            value[i] = s == SIGNAL_POSITION || s == SIGNAL_LOSS
+                           ? soften_error(value[i], problem->robust_rad)
+                           : value[i];
         }
     }
     atomic_fetch_add(&fit->simulations, 1);
@@ -539,7 +540,9 @@ static void prepare_free(const struct fit_problem *problem, const struct bench_f
                                            : parameter_get(problem->trial, parameter),
                               .expected = given->expected,
                               .sigma = given->sigma};
-    parameter_bounds(problem->trial, parameter, problem->rig->supply_v, &free->lower, &free->upper);
+    parameter_bounds(problem->trial, parameter,
+                     problem->rig ? problem->rig->supply_v : problem->supply_v, &free->lower,
+                     &free->upper);
     free->lower = yaml_has(&given->mark, "lower") ? given->lower : free->lower;
     free->upper = yaml_has(&given->mark, "upper") ? given->upper : free->upper;
 }

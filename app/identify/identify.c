@@ -51,7 +51,8 @@ static enum error_code load_bench_drive(struct arena *arena, struct identify_ben
                           "found a hydraulic drive, expected an electric one");
     }
     if (!code) {
-        bench->trial = (struct trial_robot){.joint = {.sea = drive->sea}};
+        bench->supply_v = drive->supply_v;
+        bench->trial = (struct trial_robot){.joint = {.name = "the drive", .sea = drive->sea}};
         if (drive->sea.effects) {
             bench->trial.effects = *drive->sea.effects;
         }
@@ -71,6 +72,7 @@ static enum error_code load_bench_rig(const char *path, struct arena *arena,
         code = error_set(error, ERROR_INPUT, "%s: found free bodies, expected a joint alone", path);
     }
     if (!code) {
+        bench->supply_v = bench->rig->supply_v;
         set_numbers(bench);
     }
     return code;
@@ -108,7 +110,7 @@ static enum error_code read_recording(const struct identify_bench *bench, const 
         return code;
     }
 
-    if (recording_is_log(path)) {
+    if (bench->rig && recording_is_log(path)) {
         code = recording_read_log(bench->rig, bench->trial.joint.name, &bench->bench.columns, path,
                                   arena, recording, error);
     } else {
@@ -184,7 +186,8 @@ enum error_code identify_open(const char *path, struct arena *arena, struct iden
                           bench->bench.nrecording, IDENTIFY_RECORDINGS_MAX);
     }
     if (bench->bench.drive) {
-        return load_bench_drive(arena, bench, error);
+        code = load_bench_drive(arena, bench, error);
+        return code ? code : read_recordings(bench, arena, error);
     }
     code = yaml_resolve_path(yaml_place(&bench->bench.mark, "rig"), bench->bench.rig, arena, &rig,
                              error);
@@ -216,7 +219,7 @@ enum error_code identify_take_files(struct identify_bench *bench, const char *co
     if (!all) {
         return error_set(error, ERROR_MEMORY, "no memory for recordings");
     }
-    if (!bench->bench.columns.time) {
+    if (bench->bench.npoint > 0) {
         return yaml_error(error, &bench->bench.mark,
                           "found a bench of points, expected one of recordings");
     }
@@ -297,7 +300,9 @@ static enum error_code judge_all(const struct identify_bench *bench,
             const struct simulation_error off =
                 simulation_compare(r->signal[first], simulated.signal[first], r->count);
 
-            found[i] = share ? off.share : off.mean;
+            found[i] = first == SIGNAL_LOSS ? point_loss_error(r, simulated.signal[first])
+                       : share              ? off.share
+                                            : off.mean;
         }
         if (!code && failure && !r->judge &&
             (simulated.diverged || leaves_range(trial, r, simulated.signal[SIGNAL_POSITION]))) {

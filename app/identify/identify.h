@@ -130,6 +130,7 @@ enum signal {
     SIGNAL_MOTOR_POSITION, /* behind the gear, rad */
     SIGNAL_CURRENT,        /* of the motor, A */
     SIGNAL_TEMPERATURE,    /* of the winding, deg C */
+    SIGNAL_LOSS,           /* of steady states, a share of the measured losses; column: the load */
     SIGNALS
 };
 
@@ -145,10 +146,11 @@ struct bench_columns {
     const char *time, *signal[SIGNALS];
     const char *goal, *voltage; /* set point, rad; voltage at the terminals, V */
     const char *torque; /* torque of the motor on the gear, set point of its current loop, N m */
-    const char *set_current;  /* set point of the current loop, A */
-    const char *enabled;      /* state of the bridge: on above 0.5 */
-    const char *supply;       /* V; the mean is the voltage for a duty of 1 */
-    const char *gain_word;    /* the number after this word in the file's comments is the gain */
+    const char *set_current; /* set point of the current loop, A */
+    const char *enabled;     /* state of the bridge: on above 0.5 */
+    const char *supply;      /* V; the mean is the voltage for a duty of 1 */
+    const char *gain_word;   /* the number after this word in the file's comments is the gain */
+    const char *speed, *supply_current; /* of steady states, rad/s; of the supply, A */
     bool voltage_before;      /* a row's voltage was on before its time, as in "run --record" */
     bool current_is_optional; /* a recording may lack the column of the current */
 };
@@ -252,6 +254,8 @@ struct bench {
 };
 
 /* A recording in memory. */
+/* With SIGNAL_LOSS the rows are steady states: goal contains loads, N m, below 0 if they drive the
+ * motor; voltage speeds, rad/s; time the measured losses, W. */
 struct recording {
     const char *file, *group;
     bool judge;
@@ -326,7 +330,8 @@ struct fit_free {
 };
 
 struct fit_problem {
-    const struct rig *rig;
+    const struct rig *rig;           /* NULL for steady states */
+    double supply_v;                 /* without a rig */
     const struct trial_robot *trial; /* initial values of the other parameters */
     const struct bench_law *law;
     const struct recording *recording; /* the recordings */
@@ -441,6 +446,7 @@ enum { IDENTIFY_RECORDINGS_MAX = 64 };
 struct identify_bench {
     struct bench bench;
     const struct rig *rig; /* NULL for a bench that names a drive */
+    double supply_v;       /* of the rig or the drive */
     struct trial_robot trial;
     struct recording *recording;
     size_t nrecording;
@@ -535,6 +541,18 @@ enum error_code validation_write_page(const struct validation *validation, size_
 /* Returns the quantity that a point measures, computed for a drive. Returns NAN if there is no such
  * steady state, because the motor stalls or the gear is self-locking. */
 double point_compute(const struct robot_sea *sea, const struct bench_point *point);
+
+/* Computes the losses of steady states as shares of the measured ones. Without such a state the
+ * simulation diverges. */
+void point_simulate(const struct trial_robot *trial, const struct recording *recording,
+                    struct simulated *out);
+
+/* Returns the median of the errors of the losses, as a share. */
+double point_loss_error(const struct recording *recording, const double *loss);
+
+/* Returns the mean of |efficiency - measured one| over the states of a recording that turn a load
+ * or return power. */
+double point_efficiency_error(const struct recording *recording, const double *loss);
 
 /* Adds a drive/back-drive diagram at rest to a page. It shows the load that the motor can move, and
  * the load that turns the motor back, against motor torque. It includes the bench's points of this

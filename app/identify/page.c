@@ -14,6 +14,25 @@ enum { SPECTRUM_LINES = 100 };
 /* Smallest correlation of two parameters that the page lists. */
 #define CORRELATED 0.8
 
+/* Adds a plot of steady states to a page: the losses over the load. */
+static void plot_steady(struct report *report, const char *id, const struct recording *r,
+                        const double *loss)
+{
+    const struct svg_series series[] = {
+        svg_line("computed", r->goal, loss, r->count, SVG_MARKERS),
+        svg_line("measured", r->goal, r->signal[SIGNAL_LOSS], r->count, SVG_MARKERS)};
+    const struct svg_plot panel = svg_panel("", "load, N m", "losses / measured", series, 2);
+    const char *slash = strrchr(r->file, '/');
+    char caption[256];
+
+    snprintf(caption, sizeof caption,
+             "%.120s: losses as shares of those measured, median error %.1f %%; mean error of the "
+             "efficiency %.1f points",
+             slash ? slash + 1 : r->file, 100.0 * point_loss_error(r, loss),
+             100.0 * point_efficiency_error(r, loss));
+    report_figure(report, id, caption, &panel, 1);
+}
+
 /* Adds plots of a signal of a recording to a page: measured and simulated, the residual, and its
  * spectrum. */
 static void identify_plot(struct report *report, const char *id, const struct recording *r,
@@ -26,6 +45,11 @@ static void identify_plot(struct report *report, const char *id, const struct re
     const struct simulation_error found = simulation_compare(measured, simulated, r->count);
     const char *slash = strrchr(r->file, '/');
 
+    if (signal == SIGNAL_LOSS) {
+        free(residual);
+        plot_steady(report, id, r, simulated);
+        return;
+    }
     if (!residual) {
         report_text(report, "There was no memory for the plots of this recording.");
         return;
@@ -146,6 +170,9 @@ static void add_recordings(struct report *report, const struct identify_bench *b
         const enum signal first = recording_first(r);
         const char *slash = strrchr(r->file, '/');
 
+        if (first == SIGNAL_LOSS) {
+            continue;
+        }
         add_response(report, slash ? slash + 1 : r->file, "measured", r, law, r->signal[first]);
         add_response(report, slash ? slash + 1 : r->file, "simulated", r, law,
                      simulated[i].signal[first]);

@@ -48,6 +48,67 @@ double point_compute(const struct robot_sea *sea, const struct bench_point *poin
     return q[point->find];
 }
 
+void point_simulate(const struct trial_robot *trial, const struct recording *recording,
+                    struct simulated *out)
+{
+    const struct robot_sea sea = trial_drive(trial);
+
+    out->diverged = false;
+    for (size_t i = 0; i < recording->count; i++) {
+        const double load = recording->goal[i];
+        struct bench_point point = {
+            .known = {NAN, NAN, NAN, recording->voltage[i], fabs(load), NAN},
+            .backdriven = load < 0.0,
+            .find = POINT_LOSS};
+        double loss = point_compute(&sea, &point);
+
+        /* Beside a load that friction holds, the motor turns forward */
+        if (isnan(loss) && point.backdriven) {
+            point.backdriven = false;
+            point.known[POINT_LOAD] = load;
+            loss = point_compute(&sea, &point);
+        }
+        out->signal[SIGNAL_LOSS][i] = isfinite(loss) ? loss / recording->time[i] : 0.0;
+        out->diverged |= !isfinite(loss);
+    }
+}
+
+double point_loss_error(const struct recording *recording, const double *found)
+{
+    const double *measured = recording->signal[SIGNAL_LOSS];
+    double low = 0.0, high = simulation_compare(measured, found, recording->count).worst;
+
+    while (high - low > 1e-9 * high) {
+        const double middle = 0.5 * (low + high);
+        size_t within = 0;
+
+        for (size_t i = 0; i < recording->count; i++) {
+            within += fabs(found[i] - measured[i]) <= middle;
+        }
+        *(2 * within >= recording->count ? &high : &low) = middle;
+    }
+    return high;
+}
+
+double point_efficiency_error(const struct recording *recording, const double *found)
+{
+    double sum = 0.0, count = 0.0;
+
+    for (size_t i = 0; i < recording->count; i++) {
+        const double power = recording->goal[i] * recording->voltage[i], loss = recording->time[i];
+        const double ours = loss * found[i];
+
+        if (power > 0.0) {
+            sum += fabs(power / (power + ours) - power / (power + loss));
+            count++;
+        } else if (-power > loss) {
+            sum += fabs(ours - loss) / -power;
+            count++;
+        }
+    }
+    return count > 0.0 ? sum / count : 0.0;
+}
+
 /* Copies the bench's points for one line of the diagram: those at rest with a known motor torque.
  * backdriven selects the line. */
 static size_t take_points(const struct bench *bench, bool backdriven, double *motor, double *load)

@@ -217,9 +217,13 @@ enum error_code simulate_recording(const struct rig *rig, const struct trial_rob
     struct plant *plant;
     struct arena arena;
     double start;
-    enum error_code code = arena_init(&arena, PLANT_BYTES, error);
+    enum error_code code;
 
-    if (code) {
+    if (recording->signal[SIGNAL_LOSS]) {
+        point_simulate(given, recording, out);
+        return ERROR_NONE;
+    }
+    if ((code = arena_init(&arena, PLANT_BYTES, error))) {
         return code;
     }
     out->diverged = false;

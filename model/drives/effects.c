@@ -244,7 +244,7 @@ double effects_current(const struct robot_sea *sea, double torque)
     const double most = sea->effects ? sea->effects->saturation : 0.0, I = torque / sea->Kt;
     const double share = most > 0.0 ? I / most : 0.0;
 
-    return fabs(share) < 1.0 ? I / sqrt(1.0 - share * share) : copysign(INFINITY, I);
+    return fabs(share) >= 1.0 ? copysign(INFINITY, I) : I / sqrt(1.0 - share * share);
 }
 
 /* Returns the factor of Kt and Kw at a housing temperature, degree C, and a current. */

@@ -6,7 +6,7 @@
  * them
  *
  *     d = qm + e(qm) - q                       deflection behind the gear's error e
- *     J qm'' = Kt I - Dm qm' - (1 + e') (tau_s + z) + c(qm) - F(qm') sgn qm'
+ *     J qm'' = Kt I - (Dm + k I^2) qm' - (1 + e') (tau_s + z) + c(qm) - F(qm') sgn qm'
  *     tau = tau_s + z                          on the link
  *     L I' = V - V_h sgn I - (R + R_b) I - Kw qm'
  *     z' = sigma (d' - |d'| z / z_max)         Dahl
@@ -104,8 +104,8 @@ double effects_friction(const struct robot_sea *sea, double speed,
 /* Returns whether a drive has rigid gear friction: its rotor may stay at rest under a load. */
 bool effects_sticks(const struct robot_sea *sea);
 
-/* Returns the factor of Kt and Kw at a current: 1/sqrt(1 + (I/I_s)^2), of a saturated motor; 1 for a
- * drive without effects. */
+/* Returns the factor of Kt and Kw of a motor that saturates, 1/sqrt(1 + (I/I_s)^2); 1 for a drive
+ * without effects. */
 double effects_saturation(const struct robot_sea *sea, double I);
 
 /* Returns the viscous damping of the rotor at a current, N m s/rad: friction and iron loss. */

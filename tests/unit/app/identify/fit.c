@@ -343,6 +343,8 @@ TEST(wrong_benches_are_refused_with_their_place)
     refuses(HEAD "columns: {time: t, position: q, voltage: v}\n"
                  "group_numbers: [{group: a, key: R_omh, value: 1}]\n",
             "found \"R_omh\"");
+    refuses(HEAD "columns: {load: t, speed: w, supply: v, supply_current: i}\n",
+            "identify-bench.yaml:5:10: found a column \"load\", expected steady states");
 }
 
 #define POINT(keys)                                                                                \
@@ -370,6 +372,39 @@ TEST(points_follow_from_two_of_their_quantities)
     assert_near(validation.ours[1], 11.1 / 9.2308, 1e-9);
     assert_near(validation.ours[2], 11.1 / (3.8197 + 0.002 * 9.2308 / 2.6154), 1e-9);
     assert_true(validation.passed);
+}
+
+/* A motor on a dynamometer: a fit from other numbers to one half of the states comes back to the
+ * drive that ships, which tells the losses of the other half. */
+TEST(losses_of_a_motor_are_told_from_half_of_its_states)
+{
+    static const double other[] = {0.3, 1e-4, 0.03, 80.0, 2e-6, 3.0};
+    const char *path = HIL_SOURCE_DIR "/config/validation/dyno-u8.yaml";
+    static struct validation validation;
+    struct fit_result result;
+    struct fit_problem problem;
+
+    assert_no_error(validation_run(path, &arena, &validation, &error), error.text);
+    assert_true(validation.passed && validation.mean < 0.06);
+    assert_true(point_efficiency_error(&validation.bench.recording[1],
+                                       validation.simulated[1].signal[SIGNAL_LOSS]) < 0.02);
+    problem = (struct fit_problem){.trial = &validation.bench.trial,
+                                   .supply_v = validation.bench.supply_v,
+                                   .recording = validation.bench.recording,
+                                   .nrecording = 1,
+                                   .robust_rad = validation.bench.bench.robust_rad,
+                                   .steps = 100};
+    assert_no_error(fit_prepare(&validation.bench.bench, NULL, 0, &problem, &error), error.text);
+    assert_int_equal(problem.nfree, 6);
+    for (size_t i = 0; i < problem.nfree; i++) {
+        problem.free[i].start = other[i];
+    }
+    assert_no_error(fit_solve(&problem, &result, &error), error.text);
+    for (size_t i = 0; i < problem.nfree; i++) {
+        const double ships = parameter_get(&validation.bench.trial, problem.free[i].parameter);
+
+        assert_near(result.value[i], ships, 2.0 * result.sigma[i]);
+    }
 }
 
 /* Writes a recording, which must be refused with that. */
