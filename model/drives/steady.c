@@ -10,60 +10,17 @@
 enum { HALVINGS = 100, STEPS = 130 };
 #define GROWTH 1.25
 
+/* A steady state; with a voltage above 0, the current follows from voltage and speed. */
+struct steady {
+    const struct robot_sea *sea;
+    double I, load, speed, voltage;
+    int sense;
+};
+
 /* Returns the motor's torque at a current. */
 static double motor_torque(const struct robot_sea *sea, double I)
 {
     return sea->Kt * effects_saturation(sea, I) * I;
-}
-
-/* Returns the motor's torque at a current, minus losses and load. */
-static double find_surplus(const struct robot_sea *sea, double I, double load, double speed,
-                           int sense)
-{
-    const double motor = motor_torque(sea, I);
-    const struct effects_carried carried = {.motor = motor, .external = -load};
-    const double friction = sea->effects ? effects_friction(sea, speed, &carried) : 0.0;
-
-    return motor - (double)sense * (effects_damping(sea, I) * speed + friction) - load;
-}
-
-double steady_load(const struct robot_sea *sea, double motor, double speed, int sense)
-{
-    const double I = effects_current(sea, motor);
-    double low = 0.0, high = fmax(motor, 1e-9);
-
-    for (int i = 0; i < STEPS && find_surplus(sea, I, high, speed, sense) > 0.0; i++) {
-        high *= GROWTH;
-    }
-    if (!(find_surplus(sea, I, low, speed, sense) >= 0.0 &&
-          find_surplus(sea, I, high, speed, sense) <= 0.0)) {
-        return NAN;
-    }
-    for (int i = 0; i < HALVINGS; i++) {
-        const double middle = 0.5 * (low + high);
-
-        *(find_surplus(sea, I, middle, speed, sense) > 0.0 ? &low : &high) = middle;
-    }
-    return low;
-}
-
-double steady_motor(const struct robot_sea *sea, double load, double speed, int sense)
-{
-    double low = 0.0, high = fmax(load, 1e-9) / sea->Kt;
-
-    for (int i = 0; i < STEPS && find_surplus(sea, high, load, speed, sense) < 0.0; i++) {
-        high *= GROWTH;
-    }
-    if (find_surplus(sea, low, load, speed, sense) > 0.0 ||
-        find_surplus(sea, high, load, speed, sense) < 0.0) {
-        return NAN;
-    }
-    for (int i = 0; i < HALVINGS; i++) {
-        const double middle = 0.5 * (low + high);
-
-        *(find_surplus(sea, middle, load, speed, sense) < 0.0 ? &low : &high) = middle;
-    }
-    return motor_torque(sea, high);
 }
 
 double steady_current(const struct robot_sea *sea, double voltage, double speed)
@@ -82,17 +39,59 @@ double steady_current(const struct robot_sea *sea, double voltage, double speed)
     return low;
 }
 
-double steady_speed(const struct robot_sea *sea, double voltage, double load)
+/* Returns the motor's torque minus losses and load. */
+static double find_surplus(const struct steady *at)
 {
-    double low = 0.0, high = voltage / sea->Kw;
+    const struct robot_sea *sea = at->sea;
+    const double I = at->voltage > 0.0 ? steady_current(sea, at->voltage, at->speed) : at->I;
+    const struct effects_carried carried = {.motor = motor_torque(sea, I), .external = -at->load};
+    const double friction = sea->effects ? effects_friction(sea, at->speed, &carried) : 0.0;
 
-    if (find_surplus(sea, voltage / sea->R, load, 0.0, 1) < 0.0) {
+    return carried.motor - (double)at->sense * (effects_damping(sea, I) * at->speed + friction) -
+           at->load;
+}
+
+/* Returns the quantity x of a state at which sign times the surplus falls through 0, or NAN. */
+static double find_root(struct steady *at, double *x, double first, double sign)
+{
+    double low = 0.0, high = first;
+
+    *x = high;
+    for (int i = 0; i < STEPS && sign * find_surplus(at) > 0.0; i++) {
+        *x = high *= GROWTH;
+    }
+    if (!(sign * find_surplus(at) <= 0.0)) {
+        return NAN;
+    }
+    *x = low;
+    if (!(sign * find_surplus(at) >= 0.0)) {
         return NAN;
     }
     for (int i = 0; i < HALVINGS; i++) {
-        const double middle = 0.5 * (low + high), I = steady_current(sea, voltage, middle);
-
-        *(find_surplus(sea, I, load, middle, 1) > 0.0 ? &low : &high) = middle;
+        *x = 0.5 * (low + high);
+        *(sign * find_surplus(at) > 0.0 ? &low : &high) = *x;
     }
     return low;
+}
+
+double steady_load(const struct robot_sea *sea, double motor, double speed, int sense)
+{
+    struct steady at = {
+        .sea = sea, .I = effects_current(sea, motor), .speed = speed, .sense = sense};
+
+    return find_root(&at, &at.load, fmax(motor, 1e-9), 1.0);
+}
+
+double steady_motor(const struct robot_sea *sea, double load, double speed, int sense)
+{
+    struct steady at = {.sea = sea, .load = load, .speed = speed, .sense = sense};
+
+    return motor_torque(sea, find_root(&at, &at.I, fmax(load, 1e-9) / sea->Kt, -1.0));
+}
+
+double steady_speed(const struct robot_sea *sea, double voltage, double load)
+{
+    struct steady at = {.sea = sea, .load = load, .voltage = voltage, .sense = 1};
+
+    return find_root(&at, &at.speed, voltage / sea->Kw, 1.0);
 }
