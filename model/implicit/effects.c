@@ -256,9 +256,8 @@ static double advance_stiff(const struct plant *plant, size_t d, enum implicit_s
         /* Friction takes its work, less the energy of the grip */
         state->grip = effects_limit_grip(grip + scale * (end.state.grip - grip),
                                          effects_friction(sea, state->sea.qmd, &carried));
-        power->gear =
-            end.state.grip * end.state.sea.qmd -
-            (effects_grip_energy(sea, state->grip) - effects_grip_energy(sea, grip)) / t;
+        power->gear = end.state.grip * end.state.sea.qmd -
+                      (effects_grip_energy(sea, state->grip) - effects_grip_energy(sea, grip)) / t;
     }
     if (bridge.loop) {
         state->sea.I = current;
