@@ -533,13 +533,13 @@ static void axis_current_law(const struct described_node *node, struct described
 
     axis_follow_law(
         &axis->base,
-        &(struct current_law){
-            .current_a = current_a / axis_gain_or_1(config->current_gain) + torque_nm * a_nm,
-            .limit_a = described_axis_current_limit(node, axis_index(node, axis)),
-            .stiffness_a_rad = kp * a_nm,
-            .position_rad = axis_position_target(axis),
-            .damping_a_s_rad = kd * a_nm,
-            .speed_rad_s = speed_rad_s});
+        &(struct current_law){.current_a = current_a / axis_gain_or_1(config->current_gain) +
+                                           torque_nm * a_nm,
+                              .limit_a = described_axis_current_limit(node, axis_index(node, axis)),
+                              .stiffness_a_rad = kp * a_nm,
+                              .position_rad = axis_position_target(axis),
+                              .damping_a_s_rad = kd * a_nm,
+                              .speed_rad_s = speed_rad_s});
 }
 
 /* Runs the velocity loop. For a valve the voltage is proportional to the speed. */
