@@ -43,7 +43,7 @@ struct local_node {
     _Atomic uint32_t signal;
     bool event_late; /* the node has cleared SIGNAL_EVENT before the sender wrote to `event` */
     _Atomic bool open;
-    _Atomic uint64_t inbox_dropped; /* frames that a full lane refused, counted by the senders */
+    _Atomic uint64_t inbox_dropped; /* frames that a full lane refused since the last receive */
     struct frame_filter filter[LOCAL_BUS_FILTERS_MAX];
     size_t nfilter;
 
@@ -637,7 +637,10 @@ static size_t local_receive(struct can_port *port, struct bus_frame *frames, siz
         node->event_late = !local_clear_event(node->event);
         atomic_fetch_and_explicit(&node->signal, ~SIGNAL_EVENT, memory_order_acq_rel);
     }
-    port->counters.rx_dropped = atomic_load_explicit(&node->inbox_dropped, memory_order_relaxed);
+    if (atomic_load_explicit(&node->inbox_dropped, memory_order_relaxed) > 0) {
+        port->counters.rx_dropped +=
+            atomic_exchange_explicit(&node->inbox_dropped, 0, memory_order_relaxed);
+    }
     local_count_wire_dropped(node);
     return count;
 }
