@@ -25,7 +25,7 @@ struct axis {
     double supply_v;  /* supply of the board */
     uint8_t mode;     /* mode number of the protocol (protocol.mode_name) */
     bool on, faulty;  /* on: the bridge is closed; faulty: hardware fault */
-    double voltage_v; /* bridge voltage while the bridge is closed; of a current law, as measured */
+    double voltage_v; /* bridge voltage while the bridge is closed; under a law: as measured */
     struct current_law law; /* set by axis_follow_law; off: voltage_v is the command */
 
     /* Readings of the last sample. A reading that is not finite keeps its old value, and its bad

@@ -119,7 +119,7 @@ struct board_axis_config {
     double winding_ohm, winding_h, bemf_v_s_rad;
     double current_loop_hz; /* bandwidth of the drive's own current controller; 0 = the default */
     double torque_nm_a;     /* described: link-side torque per ampere */
-    /* described: current and torque that the drive takes and reports, over the true ones; 0 = 1 */
+    /* described: commanded and reported current and torque, divided by the true ones; 0 = 1 */
     double current_gain, torque_gain;
     double torque_offset_nm;
     struct board_switches switches;

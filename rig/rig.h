@@ -224,8 +224,8 @@ double rig_bus_bits(const struct rig_bus *bus, const struct can_counters *counte
 void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
                   double *telemetry_bit_s, double *command_bit_s);
 
-/* Returns how many axes such as those of a bus it carries, with every frame as long as it can be.
- * Returns 0 for a bus without motors, or with sensors too. */
+/* Returns the number of axes that a bus carries if all are like its own and all frames have their
+ * full length. Returns 0 for a bus without motors, or with sensors. */
 size_t rig_bus_capacity(const struct rig *rig, size_t bus, int64_t command_period_ns);
 
 /* Returns whether the worst-case periodic traffic of a bus exceeds its bit rate. If so, writes the

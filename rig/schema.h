@@ -97,7 +97,7 @@ struct raw_board {
     struct yaml_name *axis; /* only for BOARD_MOTOR */
     size_t naxis;
     double current_limit_a;
-    double current_gain, torque_gain, torque_offset_nm; /* of a drive's report */
+    double current_gain, torque_gain, torque_offset_nm; /* of a described drive */
     struct yaml_name *joint;                            /* only for BOARD_TORQUE */
     size_t njoint;
     const char *sensor;  /* only for BOARD_FT */

@@ -233,7 +233,7 @@ struct bench_published {
 struct bench {
     struct yaml_mark mark;
     const char *name, *description, *source, *license, *supports;
-    const char *obtain;      /* where recordings that do not ship are to be had; NULL = they ship */
+    const char *obtain;      /* how to get recordings that do not ship; NULL = they ship */
     const char *rig, *drive; /* one of them is NULL; a bench with a drive has only points */
     struct bench_mount mount;
     struct bench_columns columns;
@@ -241,7 +241,7 @@ struct bench {
     struct bench_law law;
     double robust_rad;  /* larger errors count linearly; 0 = all errors are squared */
     double limit_rad;   /* largest accepted mean error of the validation recordings */
-    double limit_share; /* the same of the points, or of the signals' RMS errors by their RMS */
+    double limit_share; /* limit of the points' mean relative error, or of RMS error / RMS */
     double diagram_nm;  /* largest motor torque of the drive/back-drive diagram; 0 = no diagram */
     struct bench_free *free;
     struct bench_recording *recording;
@@ -450,7 +450,7 @@ struct identify_bench {
     struct trial_robot trial;
     struct recording *recording;
     size_t nrecording;
-    bool missing; /* recordings that do not ship are not here; none is read */
+    bool missing; /* recordings that do not ship were not found; none is read */
 };
 
 /* Mean errors per recording, in the unit of its first signal. crossed is negative if no fit left
@@ -514,7 +514,7 @@ struct validation {
     double mean;   /* of the validation recordings, else of all; of points, a share */
     bool is_share; /* errors are shares, else in the unit of the first signal */
     bool passed;
-    bool missing;     /* recordings that do not ship are not here */
+    bool missing;     /* recordings that do not ship were not found */
     size_t unchecked; /* number of recordings whose CRC-32 the bench file does not give */
 };
 

@@ -21,7 +21,7 @@ struct import_request {
     const char *protocol;       /* protocol of the boards, as in --protocol; NULL = default */
     const char *const *address; /* --address options: JOINT=NUMBER */
     size_t naddress;
-    double bus_load; /* most that the plan loads a bus, percent; 0 = IMPORT_BUS_LOAD */
+    double bus_load; /* largest planned load of a bus, percent; 0 = IMPORT_BUS_LOAD */
     bool force;      /* overwrite the files of an earlier import */
     struct import_options options;
     struct import_packages packages;

@@ -589,9 +589,8 @@ static void axis_run_law(const struct described_node *node, struct described_axi
         axis_velocity_law(node, axis, fmax(fmin(wanted, speed), -speed));
         break;
     case DESCRIBED_IMPEDANCE:
-        /* A spring to any angle, as real drives have it: they do not know the joint's limits. With
-         * the target at the limit, a host that adds the rest of the spring's torque would drive the
-         * axis away */
+        /* The target may be beyond the joint's limits, as on real drives. With the target at the
+         * limit, a host that adds the rest of the spring's torque would drive the axis away */
         axis_current_law(node, axis, 0.0, axis_target(axis, DESCRIBED_TO_TORQUE),
                          axis_target(axis, DESCRIBED_TO_KP), axis_target(axis, DESCRIBED_TO_KD),
                          axis_target(axis, DESCRIBED_TO_VELOCITY));

@@ -331,7 +331,7 @@ static void moteus_torque_law(struct moteus_board *moteus, double position_error
         return;
     }
 
-    /* Per turn and N m to per rad and A. The controller continues both errors */
+    /* Convert gains from N m per turn to A per rad. The controller updates both errors in a tick */
     const double a_nm = 1.0 / moteus->torque_nm_a, limit_a = moteus->axis.config->current_limit_a;
 
     moteus_limit(moteus, torque * a_nm, limit_a, MOTEUS_LIMIT_CURRENT);

@@ -5,9 +5,10 @@
     closed_loop.py [AMPLITUDE_NM [FILE.csv]]
 
 rig.yaml beside this file is the measured actuator of config/validation/sea-rmd-x8.yaml.
-The controller is that of the recordings: the reference plus the error of the spring's torque. The
-error is taken anew every 10 ms and three periods late: the encoder of the spring had a serial line.
-A sweep to 40 Hz in 40 s is the reference. It prints gains by the cross spectrum in bands of 1 Hz.
+The controller is that of the recordings: it commands the reference plus the error of the spring's
+torque. It updates the error every 10 ms, from a torque that is three periods old, because the
+spring's encoder had a serial line. The reference is a sweep to 40 Hz in 40 s. The program prints
+gains by the cross spectrum in bands of 1 Hz.
 FILE has the columns of the recordings, for `coman-hil identify`.
 """
 import cmath
@@ -20,8 +21,8 @@ import coman_hil
 RIG = pathlib.Path(__file__).with_name("rig.yaml")
 RATE_HZ, ERROR_PERIOD_S, LATE = 600.0, 0.01, 3
 SWEEP_S, SWEEP_HZ = 40.0, 40.0
-TORQUE_CONSTANT_NM_A = 1.393    # of the author of the recordings, behind the gear
-COMMAND_GAIN = 0.995            # of the day of the sweeps
+TORQUE_CONSTANT_NM_A = 1.393    # of the recordings' author, at the output of the gear
+COMMAND_GAIN = 0.995            # on the day of the sweeps
 
 
 def respond(rows, hz, lines=10):

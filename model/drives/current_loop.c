@@ -6,8 +6,8 @@
 
 #include <math.h>
 
-/* Largest number of parts of a span with a regime each, and of trials for the end of a part. Shares
- * of a limit: by which a regime may pass it, and by which it passes it at its end. */
+/* Largest number of parts of a span, each with one regime, and of trials for the end of a part.
+ * Largest excess over a limit within a regime, and at its end, as shares of the limit. */
 enum { PARTS_MAX = 8, TRIALS = 24 };
 #define LIMIT_TOLERANCE 1e-9
 #define END_TOLERANCE 1e-7

@@ -111,7 +111,7 @@ double effects_saturation(const struct robot_sea *sea, double I);
 /* Returns the viscous damping of the rotor at a current, N m s/rad: friction and iron loss. */
 double effects_damping(const struct robot_sea *sea, double I);
 
-/* Returns the current at which Kt I with saturation is this torque, A; an infinite one if none. */
+/* Returns the current at which Kt I with saturation is this torque, A; INFINITY if none. */
 double effects_current(const struct robot_sea *sea, double torque);
 
 /* Returns the grip that friction F allows. */

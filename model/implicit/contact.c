@@ -12,8 +12,8 @@
  * stays within the limit. */
 #define ACCURATE 2e-5
 
-/* Smallest normal force with friction, over the normal force at the point; friction below its limit
- * may exceed it by the same part. */
+/* Smallest normal force with friction, as a share of the normal force at the point. Friction that
+ * holds may exceed its limit by the same share. */
 #define SETTLED 1e-6
 
 /* Largest slope of the normal force over the force that friction follows. Near 1 friction jams the

@@ -24,7 +24,7 @@ void implicit_prepare_drives(struct plant *plant);
  * multiplications, or none if the drive returns to its own parameters. RT-safe. */
 void implicit_refresh_drive(struct plant *plant, size_t d);
 
-/* Updates what is known of drive d after its own current controller was switched. RT-safe. */
+/* Updates drive d after its current controller was switched on or off. RT-safe. */
 void implicit_switch_loop(struct plant *plant, size_t d);
 
 /* Discards predictions from earlier steps; call it after the state has been set. RT-safe. */
