@@ -114,7 +114,7 @@ int cmd_import(int argc, char **argv)
          "address of the board of this joint; the others are counted; may be given more than once",
          .value = &addresses},
         {"--bus-load", OPTION_REAL, "PERCENT",
-         "most that the plan loads a bus, with every frame as long as it can be; 80 by default",
+         "largest load of a bus, with all frames at full length; 80 by default",
          .value = &r.bus_load, .min = 1.0, .max = 100.0},
         {"--lock", OPTION_LIST, "JOINT", "fix this joint; may be given more than once",
          .value = &lock},

@@ -345,8 +345,8 @@ static void protocol_describe_fault(const struct described_protocol *described, 
     line->text[line->used] = '\0';
 }
 
-/* Prints a row for each fault that a protocol tells, of a list or of a table of all protocols. A
- * table also has the faults of supply, current, temperature and silence that no frame tells. */
+/* Prints a row for each fault that a protocol reports, of a list or of the table of all protocols.
+ * The table also has the faults of supply, current, temperature and silence without a report. */
 static void protocol_put_faults(const struct described_protocol *described, bool table, FILE *out)
 {
     static const uint32_t common = 1u << DESCRIBED_UNDER_VOLTAGE | 1u << DESCRIBED_OVER_VOLTAGE |
@@ -358,7 +358,8 @@ static void protocol_put_faults(const struct described_protocol *described, bool
 
         protocol_describe_fault(described, i, &line);
         if (line.used == 0 && table && common >> i & 1) {
-            protocol_add_text(&line, i == DESCRIBED_STALE ? "not told" : "not told; bridge open");
+            protocol_add_text(&line,
+                              i == DESCRIBED_STALE ? "not reported" : "not reported; bridge open");
         }
         if (line.used > 0) {
             if (table) {

@@ -301,7 +301,7 @@ static enum error_code check_recordings(const struct bench *bench, struct error 
             (bench->mount.inertia_kg_m2 > 0.0) ||
         (bench->mount.lock_nm_rad > 0.0 && bench->mount.output != OUTPUT_LOCKED)) {
         return yaml_error(error, &bench->mark,
-                          "found keys that do not tell one output, expected \"output_kg_m2\" with "
+                          "found an incomplete output, expected \"output_kg_m2\" with "
                           "\"output: inertia\", or with \"output: locked\" and \"lock_nm_rad\"");
     }
     if (bench->columns.goal && !(bench->law.duty_per_rad > 0.0)) {

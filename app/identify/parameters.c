@@ -80,7 +80,7 @@ static const struct parameter {
     EFFECT("bridge_ohm", bridge_ohm, SCALE_OTHER, "resistance of the bridge"),
     EFFECT("diode_v", diode, SCALE_OTHER, "voltage of a diode of the bridge"),
     EFFECT("saturation_a", saturation, SCALE_OTHER, "current that saturates the motor"),
-    EFFECT("iron_nm_s_rad_a2", iron, SCALE_OTHER, "drag of the iron by the current squared"),
+    EFFECT("iron_nm_s_rad_a2", iron, SCALE_OTHER, "eddy-current damping per squared current"),
     EFFECT("standby_w", standby, SCALE_OTHER, "power of the electronics"),
     EFFECT("winding_k_w", thermal.winding_k_w, SCALE_OTHER, "heat resistance, winding to housing"),
     EFFECT("housing_k_w", thermal.housing_k_w, SCALE_OTHER, "heat resistance, housing to air"),
@@ -92,7 +92,7 @@ static const struct parameter {
     BENCH(offset_rad, SCALE_ANGLE, "the joint's angle where the recording says 0"),
     BENCH(delay_s, SCALE_TIME, "delay of the command"),
     BENCH(arm_kg, SCALE_MASS, "a rod's mass between axis and load"),
-    BENCH(command_gain, SCALE_GAIN, "true command by the recorded one"),
+    BENCH(command_gain, SCALE_GAIN, "true command divided by recorded one"),
 };
 
 int parameter_find(const char *key)

@@ -336,10 +336,10 @@ TEST(wrong_benches_are_refused_with_their_place)
     refuses(HEAD, "found no columns");
     refuses(HEAD "columns: {time: t, voltage: v}\n", "no column of a measured signal");
     refuses(HEAD "columns: {time: t, position: q, voltage: v}\noutput: inertia\n",
-            "do not tell one output");
+            "found an incomplete output");
     refuses(HEAD "columns: {time: t, position: q, voltage: v}\noutput: free\nlock_nm_rad: 5\n"
                  "output_kg_m2: 1\n",
-            "do not tell one output");
+            "found an incomplete output");
     refuses(HEAD "columns: {time: t, position: q, voltage: v}\n"
                  "group_numbers: [{group: a, key: R_omh, value: 1}]\n",
             "found \"R_omh\"");
