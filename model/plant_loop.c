@@ -53,15 +53,17 @@ void plant_loop_hold(struct plant *plant, size_t d, double supply)
     const bool on = law->on && plant->bridge_on[d] && !(motor->condition & DRIVE_SHORT);
     const double hz = sea->current_loop_hz > 0.0 ? sea->current_loop_hz : CURRENT_LOOP_HZ;
 
-    if (on != loop->on && plant->implicit) {
-        implicit_switch_loop(plant, d);
+    if (on != loop->on) {
+        /* A controller starts at the present current, and without commands under way */
+        loop->filtered = drive.I;
+        memset(plant->delayed[d], 0, plant->ndelayed[d] * sizeof *plant->delayed[d]);
+        if (plant->implicit) {
+            implicit_switch_loop(plant, d);
+        }
     }
     loop->on = on;
     plant->has_loops = plant->has_loops || on;
     if (!on) {
-        /* A controller starts at the present current, and without commands under way */
-        loop->filtered = drive.I;
-        memset(plant->delayed[d], 0, plant->ndelayed[d] * sizeof *plant->delayed[d]);
         return;
     }
     loop->bandwidth = law->bandwidth_rad_s > 0.0 ? law->bandwidth_rad_s : 2.0 * M_PI * hz;

@@ -97,6 +97,43 @@ TEST(current_of_a_locked_rotor_follows_its_bandwidth_filter_and_delay)
     }
 }
 
+/* A controller starts at the present current, whatever ran before: a voltage, or a law whose
+ * commands were under way when the plant was reset. */
+TEST(a_law_starts_at_the_present_current_without_earlier_commands)
+{
+    struct robot_sea sea = toy_drive(400.0);
+    const double none[3] = {0.0, 0.0, 0.0};
+    double held, first[20];
+    struct toy_plant p;
+
+    sea.command_filter_s = 0.02;
+    sea.command_delay_s = 0.0;
+    start(&p, sea, PLANT_IMPLICIT, MS);
+    p.motor[0] = (struct motor_command){
+        .bridge_on = true, .voltage_v = 2.0, .condition = DRIVE_JAM, .law.on = false};
+    assert_ok(plant_step(p.plant, 500));
+    held = p.state[AT_CURRENT];
+    p.motor[0].law = (struct current_law){.on = true, .limit_a = 100.0, .current_a = held};
+    for (int tick = 0; tick < 40; tick++) {
+        step(&p);
+        assert_near(p.state[AT_CURRENT], held, 1e-9);
+    }
+    arena_fini(&p.arena);
+
+    sea.command_delay_s = 0.0041;
+    start(&p, sea, PLANT_IMPLICIT, MS);
+    for (int run = 0; run < 2; run++) {
+        p.motor[0].law.current_a = 1.0;
+        for (int tick = 0; tick < 20; tick++) {
+            step(&p);
+            first[tick] = run == 0 ? p.state[AT_CURRENT] : first[tick];
+            assert_true(p.state[AT_CURRENT] == first[tick]);
+        }
+        assert_ok(plant_reset(p.plant, none, NULL, none));
+    }
+    arena_fini(&p.arena);
+}
+
 TEST(a_step_beyond_the_supply_is_the_step_of_the_voltage_until_the_loop_takes_over)
 {
     static const double hz[] = {30.0, 1000.0, 20000.0}, volts[] = {12.0, 40.0};
