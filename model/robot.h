@@ -338,6 +338,10 @@ enum error_code robot_describe_drive(const char *path, struct arena *arena,
                                      const char **description, bool *hydraulic,
                                      struct error *error);
 
+/* Refuses a value that a key of an electric drive cannot have in a file. A key that is not required
+ * can have 0, which is as none. Accepts NAN, and any value of other keys. */
+enum error_code robot_check_number(const char *key, double value, struct error *error);
+
 /* Fills the derived members: nq, nv, total_mass, the hashes, and observed for bodies with a frame
  * or a capsule. Refuses inertias that are physically impossible. Refuses a joint or a floating base
  * that could move without inertia, so that the dynamics are never singular. Does not check other

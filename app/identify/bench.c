@@ -99,8 +99,9 @@ static const struct yaml_field free_fields[] = {
     REAL("expected", false, expected, -1e9, 1e9),
     REAL("sigma", false, sigma, -1e9, 1e9),
 };
-static const struct yaml_schema free_schema =
-    YAML_SCHEMA("a free number", struct bench_free, free_fields, .alone = "key");
+static const struct bench_free free_defaults = {.start = NAN, .lower = NAN, .upper = NAN};
+static const struct yaml_schema free_schema = YAML_SCHEMA(
+    "a free number", struct bench_free, free_fields, .alone = "key", .defaults = &free_defaults);
 #undef STRUCT
 
 #define STRUCT bench_group_number
@@ -202,11 +203,11 @@ static const struct yaml_schema bench_schema =
     YAML_SCHEMA("a measured bench", struct bench, bench_fields);
 #undef STRUCT
 
-/* Finds a parameter by its key. An unknown key is an error at its place in the file. */
-static enum error_code find_number(const struct yaml_mark *mark, const char *key, int *parameter,
-                                   struct error *error)
+/* Finds a parameter by its key, and checks a value of it. Errors have the place in the file. */
+static enum error_code find_number(const struct yaml_mark *mark, const char *key, double value,
+                                   int *parameter, struct error *error)
 {
-    return parameter_check(key, parameter, error)
+    return parameter_check(key, parameter, error) || robot_check_number(key, value, error)
                ? error_prefix(error, "%s:%d:%d", mark->file, mark->line, mark->column)
                : ERROR_NONE;
 }
@@ -311,6 +312,20 @@ static enum error_code check_recordings(const struct bench *bench, struct error 
     return ERROR_NONE;
 }
 
+/* Refuses a group that no recording of the bench has. */
+static enum error_code check_group(const struct bench *bench, const struct yaml_mark *mark,
+                                   const char *group, struct error *error)
+{
+    for (size_t i = 0; i < bench->nrecording && group; i++) {
+        if (!strcmp(bench->recording[i].group, group)) {
+            return ERROR_NONE;
+        }
+    }
+    return group && bench->nrecording > 0
+               ? yaml_error(error, mark, "found group \"%.63s\", expected a recording's", group)
+               : ERROR_NONE;
+}
+
 /* Checks the conditions that the schema cannot express. */
 static enum error_code check_bench(struct bench *bench, struct error *error)
 {
@@ -327,15 +342,17 @@ static enum error_code check_bench(struct bench *bench, struct error *error)
     for (size_t i = 0; i < bench->nnumber; i++) {
         int parameter;
 
-        if (find_number(&bench->number[i].mark, bench->number[i].name, &parameter, error)) {
+        if (find_number(&bench->number[i].mark, bench->number[i].name, bench->number[i].value,
+                        &parameter, error)) {
             return ERROR_INPUT;
         }
     }
     for (size_t i = 0; i < bench->ngroup_number; i++) {
+        const struct bench_group_number *one = &bench->group_number[i];
         int parameter;
 
-        if (find_number(&bench->group_number[i].mark, bench->group_number[i].key, &parameter,
-                        error)) {
+        if (find_number(&one->mark, one->key, one->value, &parameter, error) ||
+            check_group(bench, &one->mark, one->group, error)) {
             return ERROR_INPUT;
         }
     }
@@ -347,7 +364,10 @@ static enum error_code check_bench(struct bench *bench, struct error *error)
     for (size_t i = 0; i < bench->nfree; i++) {
         struct bench_free *one = &bench->free[i];
 
-        if (find_number(&one->mark, one->key, &one->parameter, error)) {
+        if (find_number(&one->mark, one->key, one->start, &one->parameter, error) ||
+            find_number(&one->mark, one->key, one->lower, &one->parameter, error) ||
+            find_number(&one->mark, one->key, one->upper, &one->parameter, error) ||
+            check_group(bench, &one->mark, one->group, error)) {
             return ERROR_INPUT;
         }
         if (yaml_has(&one->mark, "expected") != (one->sigma > 0.0) ||
@@ -453,7 +473,15 @@ static enum error_code find_columns(const struct bench_columns *columns, const s
     for (size_t i = 0; i < COLUMNS; i++) {
         column[i] = -1;
         for (size_t k = 0; title[i] && k < csv->ncolumn; k++) {
-            column[i] = !strcmp(csv->title[k], title[i]) ? (int)k : column[i];
+            if (strcmp(csv->title[k], title[i]) != 0) {
+                continue;
+            }
+            if (column[i] >= 0) {
+                return error_set(error, ERROR_INPUT,
+                                 "%s:1: found column \"%.80s\" again, expected it once", csv->path,
+                                 title[i]);
+            }
+            column[i] = (int)k;
         }
         if (title[i] && column[i] < 0 &&
             !(i == COLUMN_SIGNAL + SIGNAL_CURRENT && columns->current_is_optional)) {

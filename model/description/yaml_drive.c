@@ -509,3 +509,20 @@ enum error_code robot_describe_drive(const char *path, struct arena *arena,
     }
     return code;
 }
+
+enum error_code robot_check_number(const char *key, double value, struct error *error)
+{
+    size_t count;
+    const struct yaml_field *row = robot_drive_rows(DRIVE_ELECTRIC, &count);
+    bool required = true;
+
+    for (size_t i = 0; i < count; i++) {
+        required = required && strcmp(row[i].key, "deflection_rad") != 0;
+        if (!strcmp(row[i].key, key) && (value < row[i].min || value > row[i].max) &&
+            (required || value != 0.0)) {
+            return error_set(error, ERROR_INPUT, "found %g for \"%.63s\", expected %g to %g", value,
+                             key, row[i].min, row[i].max);
+        }
+    }
+    return ERROR_NONE;
+}

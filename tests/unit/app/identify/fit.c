@@ -322,6 +322,7 @@ static void refuses(const char *text, const char *expected)
 }
 
 #define HEAD "name: a\nsource: b\nlicense: c\nrig: r.yaml\n"
+#define GIVEN HEAD "columns: {time: t, position: q, voltage: v}\n"
 
 TEST(wrong_benches_are_refused_with_their_place)
 {
@@ -343,6 +344,21 @@ TEST(wrong_benches_are_refused_with_their_place)
     refuses(HEAD "columns: {time: t, position: q, voltage: v}\n"
                  "group_numbers: [{group: a, key: R_omh, value: 1}]\n",
             "found \"R_omh\"");
+    /* Numbers that a drive's file refuses, and groups without recordings */
+    refuses(GIVEN "numbers: {R_ohm: -5}\n",
+            "identify-bench.yaml:6:11: found -5 for \"R_ohm\", expected 0 to 1e+09");
+    refuses(GIVEN "numbers: {J_kg_m2: 0}\n", "found 0 for \"J_kg_m2\"");
+    refuses(GIVEN "numbers: {presliding_nm_rad: 0, command_delay_s: 0.2}\n",
+            "found 0.2 for \"command_delay_s\", expected 0 to 0.1");
+    refuses(GIVEN "group_numbers: [{group: a, key: iron_nm_s_rad_a2, value: -1}]\n", "found -1");
+    refuses(GIVEN "free: [{key: command_filter_s, lower: -1}]\n", "found -1");
+    refuses(GIVEN "free: [{key: saturation_a, upper: -1}]\n", "found -1");
+    refuses(GIVEN "free: [{key: L_h, start: 0}]\n", "found 0");
+    refuses(GIVEN "group_numbers: [{group: b, key: R_ohm, value: 1}]\n"
+                  "recordings: [{file: x, group: a}]\n",
+            "found group \"b\", expected a recording's");
+    refuses(GIVEN "free: [{key: R_ohm, group: b}]\nrecordings: [{file: x, group: a}]\n",
+            "found group \"b\"");
     refuses(HEAD "columns: {load: t, speed: w, supply: v, supply_current: i}\n",
             "identify-bench.yaml:5:10: found a column \"load\", expected steady states");
 }
@@ -428,6 +444,8 @@ TEST(wrong_recordings_are_refused_with_their_line)
 {
     assert_ok(identify_open(BENCH_FILE, &arena, &bench, &error));
     refuses_rows("time_s,x\n", "no \"kp\" with a number");
+    refuses_rows("# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v,goal_rad\n",
+                 "identify-rows.csv:1: found column \"goal_rad\" again, expected it once");
     refuses_rows("# kp 100, so\ntime_s,position_rad\n0,1\n", "no column \"goal_rad\"");
     refuses_rows("# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v\n"
                  "0,0,0,1,7\n0,0,0,1,7\n",
