@@ -17,24 +17,44 @@ static void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shi
     law->shift = shift;
 }
 
-/* Sets one gain (enum foc_law_gain) from a float. Returns false for an unknown gain, or for a gain
- * that is too large. All gains of a law share the largest shift at which they fit into 15 bits. */
-static bool foc_law_set_gain(struct foc_law *law, unsigned which, double value)
+/* Sets one gain of a loop from a float. Returns false for a gain that the loop cannot have. kp and
+ * ki of a law share the largest shift at which they fit into 15 bits. */
+static bool foc_set_gain(struct foc_board *foc, unsigned loop, unsigned which, double value)
 {
-    double gain[FOC_LAW_GAINS] = {law->gain[FOC_LAW_KP], law->gain[FOC_LAW_KI]};
+    double *gain = foc->gain[loop];
+    int64_t *shown = foc->setting + FOC_P_CURRENT_PID + loop * FOC_PID_FIELDS;
+    bool of_law = loop != FOC_LOOP_POSITION && which <= FOC_PID_KI;
     int exponent = 0;
 
-    if (which >= FOC_LAW_GAINS || !isfinite(value) || fabs(value) >= 32768.0) {
+    if (!isfinite(value) || (of_law && fabs(value) >= 32768.0)) {
         return false;
     }
-    gain[which] = value;
-    while (fmax(gain[FOC_LAW_KP], gain[FOC_LAW_KI]) >= ldexp(1.0, exponent)) {
-        exponent++;
+    gain[which] = of_law ? value : (double)(float)value;
+    if (which <= FOC_PID_KD) {
+        shown[which - FOC_PID_KP] =
+            (int64_t)fmax(fmin(ldexp(value, (int)shown[FOC_PID_FIELDS - 1]), INT16_MAX), INT16_MIN);
     }
-    law->gain[which] = value;
-    foc_law_set(law, (int64_t)ldexp(gain[FOC_LAW_KP], 15 - exponent),
-                (int64_t)ldexp(gain[FOC_LAW_KI], 15 - exponent), 15 - exponent);
+    if (of_law) {
+        while (fmax(gain[FOC_PID_KP], gain[FOC_PID_KI]) >= ldexp(1.0, exponent)) {
+            exponent++;
+        }
+        foc_law_set(&foc->law[loop], (int64_t)ldexp(gain[FOC_PID_KP], 15 - exponent),
+                    (int64_t)ldexp(gain[FOC_PID_KI], 15 - exponent), 15 - exponent);
+    }
     return true;
+}
+
+/* Sets the gains of a loop from kp, ki, kd and the shift that they have in common. */
+static void foc_set_gains(struct foc_board *foc, unsigned loop, const int64_t *pid)
+{
+    for (unsigned i = 0; i < FOC_PID_FIELDS - 1; i++) {
+        foc->gain[loop][FOC_PID_KP + i] = ldexp((double)pid[i], -(int)pid[FOC_PID_FIELDS - 1]);
+    }
+    memcpy(foc->setting + FOC_P_CURRENT_PID + loop * FOC_PID_FIELDS, pid,
+           FOC_PID_FIELDS * sizeof *pid);
+    if (loop != FOC_LOOP_POSITION) {
+        foc_law_set(&foc->law[loop], pid[0], pid[1], pid[FOC_PID_FIELDS - 1]);
+    }
 }
 
 /* Advances a law by one step and adds its change to the voltage v. Limits v to +-most, in Vq.
@@ -61,16 +81,17 @@ static int64_t foc_limiter_step(struct foc_board *foc, int64_t vq, int64_t curre
     struct foc_limiter *limiter = &foc->limiter;
     int64_t change;
 
-    if (current_ma > foc->peak_ma) {
+    if (current_ma > foc->setting[FOC_P_PEAK]) {
         limiter->side = 1;
-    } else if (current_ma < -foc->peak_ma) {
+    } else if (current_ma < -foc->setting[FOC_P_PEAK]) {
         limiter->side = -1;
     }
     if (!limiter->side) {
         return vq;
     }
-    change = foc_law_add(&foc->current, &limiter->v, &limiter->error,
-                         limiter->side * foc->peak_ma - current_ma, (int64_t)2 * FOC_VQ_MAX);
+    change =
+        foc_law_add(&foc->law[FOC_LOOP_CURRENT], &limiter->v, &limiter->error,
+                    limiter->side * foc->setting[FOC_P_PEAK] - current_ma, (int64_t)2 * FOC_VQ_MAX);
     if (limiter->side * limiter->v >= 0) {
         *limiter = (struct foc_limiter){0};
         return vq;
@@ -79,9 +100,8 @@ static int64_t foc_limiter_step(struct foc_board *foc, int64_t vq, int64_t curre
 }
 
 /* Advances the position law by one millisecond. Returns Vq. */
-static int64_t foc_position_step(struct foc_position_law *law, double error)
+static int64_t foc_position_step(struct foc_position_law *law, const double *gain, double error)
 {
-    const double *gain = law->gain;
     double limit = gain[FOC_PID_OUTPUT_LIMIT] > 0.0 ? gain[FOC_PID_OUTPUT_LIMIT] : FOC_PWM_MAX;
     double most = gain[FOC_PID_INTEGRAL_LIMIT] > 0.0 ? gain[FOC_PID_INTEGRAL_LIMIT] : limit;
     double out;
@@ -96,28 +116,26 @@ static int64_t foc_position_step(struct foc_position_law *law, double error)
 
 /* The settings of a 2FOC board: gains of its laws as floats, current limits. */
 
-enum kind { LAW_CURRENT, LAW_SPEED, LAW_POSITION, NOMINAL_CURRENT, PEAK_CURRENT };
-
 enum { LIMIT_MAX_MA = 32767 };
 
-#define LAW_MAX 32767.0 /* limit of foc_law_set_gain */
+#define LAW_MAX 32767.0 /* limit of foc_set_gain */
 
 static const struct {
     const char *name;
-    enum kind kind;
-    unsigned which; /* which gain of the law */
+    unsigned loop;  /* FOC_LOOPS: a limit of the current */
+    unsigned which; /* enum foc_pid_parameter of a loop, or enum foc_parameter */
 } rows[] = {
-    {"current_kp", LAW_CURRENT, FOC_LAW_KP},
-    {"current_ki", LAW_CURRENT, FOC_LAW_KI},
-    {"speed_kp", LAW_SPEED, FOC_LAW_KP},
-    {"speed_ki", LAW_SPEED, FOC_LAW_KI},
-    {"position_kp", LAW_POSITION, FOC_PID_KP},
-    {"position_ki", LAW_POSITION, FOC_PID_KI},
-    {"position_kd", LAW_POSITION, FOC_PID_KD},
-    {"position_integral_limit", LAW_POSITION, FOC_PID_INTEGRAL_LIMIT},
-    {"position_limit", LAW_POSITION, FOC_PID_OUTPUT_LIMIT},
-    {"current_limit", NOMINAL_CURRENT, 0},
-    {"current_peak", PEAK_CURRENT, 0},
+    {"current_kp", FOC_LOOP_CURRENT, FOC_PID_KP},
+    {"current_ki", FOC_LOOP_CURRENT, FOC_PID_KI},
+    {"speed_kp", FOC_LOOP_VELOCITY, FOC_PID_KP},
+    {"speed_ki", FOC_LOOP_VELOCITY, FOC_PID_KI},
+    {"position_kp", FOC_LOOP_POSITION, FOC_PID_KP},
+    {"position_ki", FOC_LOOP_POSITION, FOC_PID_KI},
+    {"position_kd", FOC_LOOP_POSITION, FOC_PID_KD},
+    {"position_integral_limit", FOC_LOOP_POSITION, FOC_PID_INTEGRAL_LIMIT},
+    {"position_limit", FOC_LOOP_POSITION, FOC_PID_OUTPUT_LIMIT},
+    {"current_limit", FOC_LOOPS, FOC_P_NOMINAL},
+    {"current_peak", FOC_LOOPS, FOC_P_PEAK},
 };
 
 /* Describes a setting: name, unit, range, value (struct board_settings). */
@@ -125,9 +143,9 @@ static void foc_setting_describe(const struct board *board, unsigned axis, size_
                                  struct board_setting *setting)
 {
     const struct foc_board *foc = foc_board_of(board);
-    enum kind kind = rows[index].kind;
-    bool is_limit = kind == NOMINAL_CURRENT || kind == PEAK_CURRENT;
-    double most = is_limit ? LIMIT_MAX_MA : kind == LAW_POSITION ? (double)FLT_MAX : LAW_MAX;
+    unsigned loop = rows[index].loop, which = rows[index].which;
+    bool is_limit = loop == FOC_LOOPS;
+    double most = is_limit ? LIMIT_MAX_MA : loop == FOC_LOOP_POSITION ? (double)FLT_MAX : LAW_MAX;
 
     (void)axis;
     *setting = (struct board_setting){
@@ -136,11 +154,7 @@ static void foc_setting_describe(const struct board *board, unsigned axis, size_
         .min = is_limit ? 0.0 : -most,
         .max = most,
         .whole = is_limit,
-        .value = kind == LAW_CURRENT       ? foc->current.gain[rows[index].which]
-                 : kind == LAW_SPEED       ? foc->speed.gain[rows[index].which]
-                 : kind == LAW_POSITION    ? foc->position_law.gain[rows[index].which]
-                 : kind == NOMINAL_CURRENT ? (double)foc->nominal_ma
-                                           : (double)foc->peak_ma,
+        .value = is_limit ? (double)foc->setting[which] : foc->gain[loop][which],
     };
 }
 
@@ -148,18 +162,12 @@ static void foc_setting_describe(const struct board *board, unsigned axis, size_
 static bool foc_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
     struct foc_board *foc = foc_board_of(board);
-    enum kind kind = rows[index].kind;
 
     (void)axis;
-    if (kind == LAW_CURRENT || kind == LAW_SPEED) {
-        return foc_law_set_gain(kind == LAW_CURRENT ? &foc->current : &foc->speed,
-                                rows[index].which, value);
+    if (rows[index].loop < FOC_LOOPS) {
+        return foc_set_gain(foc, rows[index].loop, rows[index].which, value);
     }
-    if (kind == LAW_POSITION) {
-        foc->position_law.gain[rows[index].which] = (double)(float)value;
-    } else {
-        *(kind == NOMINAL_CURRENT ? &foc->nominal_ma : &foc->peak_ma) = (int64_t)value;
-    }
+    foc->setting[rows[index].which] = (int64_t)value;
     return true;
 }
 
@@ -179,8 +187,10 @@ static void foc_board_forget_references(struct foc_board *foc)
     foc->target = foc->speed_ma = 0;
     foc->vq = 0;
     foc->limiter = (struct foc_limiter){0};
-    foc->current.v = foc->current.error = foc->speed.v = foc->speed.error = 0;
-    foc->position_law.integral = foc->position_law.error = 0.0;
+    for (unsigned loop = 0; loop < FOC_LOOP_POSITION; loop++) {
+        foc->law[loop].v = foc->law[loop].error = 0;
+    }
+    foc->position_law = (struct foc_position_law){0};
     foc->start = foc->position;
 }
 
@@ -238,81 +248,73 @@ static float foc_get_float(const uint8_t *data)
     return value;
 }
 
-/* Obeys SET_CURRENT_PID or SET_VELOCITY_PID: sets one gain from a float, or all gains from
- * integers. Returns false if it refuses the command. */
-static bool foc_board_command_law(struct foc_board *foc, const struct bus_frame *frame,
-                                  const int64_t *request)
+/* Obeys SET_CURRENT_PID, SET_VELOCITY_PID or SET_POSITION_PID: sets one gain from a float, or all
+ * gains from integers. Returns false if it refuses the command. */
+static bool foc_board_command_law(struct foc_board *foc, enum foc_pid_loop loop,
+                                  const struct bus_frame *frame, const int64_t *request)
 {
-    bool current = frame->data[0] == FOC_SET_CURRENT_PID;
-    struct foc_law *law = current ? &foc->current : &foc->speed;
+    unsigned which = frame->data[1] + FOC_PID_KP - 1u;
 
-    if (frame->len == 6) {
-        if (!foc_law_set_gain(law, frame->data[1] - 1u, (double)foc_get_float(frame->data + 2))) {
-            return false;
-        }
-    } else if (frame->len == 8) {
-        foc_law_set(law, request[0], request[1], request[3]);
-        law->gain[FOC_LAW_KP] = ldexp((double)request[0], -(int)request[3]);
-        law->gain[FOC_LAW_KI] = ldexp((double)request[1], -(int)request[3]);
-    } else {
+    if (frame->len == 8) {
+        foc_set_gains(foc, loop, request);
+    } else if (frame->len != 6 || which < FOC_PID_KP || which > FOC_PID_KI ||
+               !foc_set_gain(foc, loop, which, (double)foc_get_float(frame->data + 2))) {
         return false;
     }
-    foc->current_set = foc->current_set || current;
+    foc->current_set = foc->current_set || loop == FOC_LOOP_CURRENT;
     return true;
 }
 
-/* Obeys SET_PID: sets one parameter of a loop from a float. Returns false if it refuses the
- * command. */
+/* Obeys SET_PID: sets one parameter of a loop from a float. Most parameters of the laws of current
+ * and velocity have no effect. Returns false if it refuses the command. */
 static bool foc_board_command_pid(struct foc_board *foc, const struct bus_frame *frame,
                                   const int64_t *request)
 {
-    float value = foc_get_float(frame->data + 4);
-    unsigned which = (unsigned)request[1];
+    unsigned loop = (unsigned)request[0], which = (unsigned)request[1];
 
-    if (which < FOC_PID_KP || which > FOC_PID_STICTION_DOWN || !isfinite(value)) {
+    if (loop >= FOC_LOOPS || which < FOC_PID_KP || which > FOC_PID_STICTION_DOWN ||
+        !foc_set_gain(foc, loop, which, (double)foc_get_float(frame->data + 4))) {
         return false;
     }
-    switch (request[0]) {
-    case FOC_LOOP_POSITION:
-        foc->position_law.gain[which] = (double)value;
-        return true;
-    case FOC_LOOP_CURRENT:
-        /* Other parameters have no effect: the law is a PI law with fixed limits */
-        foc->current_set = true;
-        return which > FOC_PID_KI ||
-               foc_law_set_gain(&foc->current, which - FOC_PID_KP, (double)value);
-    case FOC_LOOP_VELOCITY:
-        return which > FOC_PID_KI ||
-               foc_law_set_gain(&foc->speed, which - FOC_PID_KP, (double)value);
-    default:
-        return false;
-    }
+    foc->current_set = foc->current_set || loop == FOC_LOOP_CURRENT;
+    return true;
 }
 
 /* Obeys a configuration command. Returns false if it refuses the command. */
 static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *frame,
                                 const int64_t *request)
 {
+    const struct icub_command *row = &foc_commands[frame->data[0]];
+    int64_t *setting = foc->setting;
+
+    if (row->kind == ICUB_SET) {
+        memcpy(setting + row->parameter, request, fields_count(row->request) * sizeof *request);
+        return true;
+    }
     switch (frame->data[0]) {
     case FOC_SET_CURRENT_PID:
+        return foc_board_command_law(foc, FOC_LOOP_CURRENT, frame, request);
     case FOC_SET_VELOCITY_PID:
-        return foc_board_command_law(foc, frame, request);
+        return foc_board_command_law(foc, FOC_LOOP_VELOCITY, frame, request);
+    case ICUB_SET_POSITION_PID:
+        return foc_board_command_law(foc, FOC_LOOP_POSITION, frame, request);
     case FOC_SET_PID:
         return foc_board_command_pid(foc, frame, request);
     case FOC_SET_CURRENT_LIMIT: /* 8 bytes: nominal, peak and overload; 5 bytes: peak only */
         if (frame->len != 5 && frame->len != 8) {
             return false;
         }
-        foc->peak_ma = frame->len == 5 ? get_i16_le(frame->data + 1) : request[1];
-        foc->nominal_ma = frame->len == 5 ? foc->peak_ma / 2 : request[0];
-        foc->overload_ma = frame->len == 5 ? 20000 : request[2];
+        setting[FOC_P_PEAK] = frame->len == 5 ? get_i16_le(frame->data + 1) : request[1];
+        setting[FOC_P_NOMINAL] = frame->len == 5 ? setting[FOC_P_PEAK] / 2 : request[0];
+        setting[FOC_P_OVERLOAD] = frame->len == 5 ? 20000 : request[2];
         return true;
     case FOC_SET_MOTOR_CONFIG: /* sensors, encoder resolution and poles of the motor */
         foc->flags = (uint8_t)request[0];
-        foc->resolution = request[1];
-        foc->index_offset = request[2];
-        foc->poles = request[3];
-        foc->tolerance = frame->len == 8 ? request[4] : TOLERANCE;
+        setting[FOC_P_FLAGS] = request[0] & FOC_MOTOR_FLAGS;
+        setting[FOC_P_RESOLUTION] = request[1];
+        setting[FOC_P_INDEX_OFFSET] = request[2];
+        setting[FOC_P_POLES] = request[3] & ~INT64_C(1); /* the firmware keeps pairs of poles */
+        setting[FOC_P_TOLERANCE] = frame->len == 8 ? request[4] : TOLERANCE;
         foc->motor_set = true;
         foc->encoder &= (uint8_t)~FOC_QE_NOT_CALIBRATED;
         /* With Hall sensors there is no index. With an index, the encoder is calibrated at the
@@ -323,9 +325,6 @@ static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *f
         if (foc->flags & FOC_HAS_QE && foc->flags & FOC_HAS_INDEX) {
             foc->encoder |= FOC_QE_NOT_CALIBRATED;
         }
-        return true;
-    case FOC_SET_TEMPERATURE_LIMIT:
-        foc->temperature_limit = request[0];
         return true;
     case FOC_SET_MOTOR_PARAMETER:
         if (request[0] < FOC_MOTOR_BEMF || request[0] > FOC_MOTOR_MAX_VELOCITY) {
@@ -348,7 +347,7 @@ static void foc_board_set_target(struct foc_board *foc, int64_t target)
         foc->target = control_clamp(target, -FOC_PWM_MAX, FOC_PWM_MAX);
         break;
     case ICUB_MODE_CURRENT:
-        foc->target = control_clamp(target, -foc->peak_ma, foc->peak_ma);
+        foc->target = control_clamp(target, -foc->setting[FOC_P_PEAK], foc->setting[FOC_P_PEAK]);
         break;
     case ICUB_MODE_IDLE:
         foc_board_forget_references(foc);
@@ -364,8 +363,14 @@ static bool foc_board_answer(struct board *board, unsigned code, const int64_t *
                              int64_t *reply)
 {
     struct foc_board *foc = foc_board_of(board);
+    const struct icub_command *row = &foc_commands[code];
+    float gain;
     uint32_t bits;
 
+    if (row->kind == ICUB_GET) {
+        memcpy(reply, foc->setting + row->parameter, fields_count(row->reply) * sizeof *reply);
+        return true;
+    }
     switch (code) {
     case FOC_GET_FIRMWARE_VERSION:
         foc->compatible = request[0] == ICUB_PROTOCOL_MAJOR && request[1] == ICUB_PROTOCOL_MINOR;
@@ -386,6 +391,16 @@ static bool foc_board_answer(struct board *board, unsigned code, const int64_t *
         reply[0] = request[0];
         reply[1] = bits;
         return true;
+    case FOC_GET_PID: /* the firmware tells the gains only */
+        reply[0] = reply[1] = FOC_PID_NONE;
+        if (request[0] < FOC_LOOPS && request[1] >= FOC_PID_KP && request[1] <= FOC_PID_KD) {
+            gain = (float)foc->gain[request[0]][request[1]];
+            memcpy(&bits, &gain, sizeof bits);
+            reply[0] = request[0];
+            reply[1] = request[1];
+            reply[2] = bits;
+        }
+        return true;
     default:
         return false;
     }
@@ -397,7 +412,7 @@ static void foc_board_idle_when_configured(struct board *board)
     struct foc_board *foc = foc_board_of(board);
 
     if (foc->axis.mode == ICUB_MODE_NOT_CONFIGURED && foc->compatible && foc->motor_set &&
-        foc->current_set && foc->peak_ma != 0) {
+        foc->current_set && foc->setting[FOC_P_PEAK] != 0) {
         foc_board_set_mode(board, ICUB_MODE_IDLE);
         /* report the change once, without a request */
         foc->answers += foc->answers < FOC_ANSWERS_MAX;
@@ -500,7 +515,8 @@ static void foc_board_power_up(struct board *board)
     const struct foc_board fresh = {
         .icub = foc->icub,
         .axis.mode = ICUB_MODE_NOT_CONFIGURED,
-        .speed = {.kp = 0x0c, .ki = 0x08, .shift = 0x0a}, /* default gains of the firmware */
+        /* The limits are stand-ins of the firmware */
+        .setting = {[FOC_P_CURRENT_LIMITS] = 0, 31, 21, 0, 12, 11, 0, 2, 1},
         .target_ns = board->boards->now_ns,
         .status_ms = INT64_MIN / 2,
         .additional_ms = INT64_MIN / 2,
@@ -509,7 +525,8 @@ static void foc_board_power_up(struct board *board)
     control_quantize(board->config.axis[0].temperature_limit_c / ICUB_TEMPERATURE_C,
                      &temperature_limit);
     *foc = fresh;
-    foc->temperature_limit = control_clamp(temperature_limit, 0, INT16_MAX);
+    foc_set_gains(foc, FOC_LOOP_VELOCITY, (const int64_t[]){12, 16, 0, 10}); /* of the firmware */
+    foc->setting[FOC_P_TEMPERATURE_LIMIT] = control_clamp(temperature_limit, 0, INT16_MAX);
 }
 
 /* ---- sensors ---- */
@@ -567,8 +584,8 @@ static void foc_board_watch_i2t(struct board *board)
 {
     struct foc_board *foc = foc_board_of(board);
     int64_t current = control_clamp(foc_board_current_ma(foc), INT16_MIN, INT16_MAX);
-    int64_t nominal2 = foc->nominal_ma * foc->nominal_ma;
-    int64_t limit = (foc->peak_ma * foc->peak_ma - nominal2) * 10;
+    int64_t nominal2 = foc->setting[FOC_P_NOMINAL] * foc->setting[FOC_P_NOMINAL];
+    int64_t limit = (foc->setting[FOC_P_PEAK] * foc->setting[FOC_P_PEAK] - nominal2) * 10;
 
     foc->i2t += (current * current - nominal2) / 1024;
     foc->i2t = foc->i2t > 0 ? foc->i2t : 0;
@@ -584,7 +601,8 @@ static void foc_board_watch_i2t(struct board *board)
 static void foc_board_watch_faults(struct board *board)
 {
     struct foc_board *foc = foc_board_of(board);
-    uint32_t faults = 0, now = axis_find_faults(board, &foc->axis, (double)foc->peak_ma * 1e-3);
+    uint32_t faults = 0,
+             now = axis_find_faults(board, &foc->axis, (double)foc->setting[FOC_P_PEAK] * 1e-3);
 
     if (!foc_runs(foc->axis.mode)) {
         return;
@@ -598,7 +616,8 @@ static void foc_board_watch_faults(struct board *board)
     }
 
     /* Hardware faults: current, supply, encoder, winding */
-    if (foc->overload_ma > 0 && fabs(foc->axis.current_a) * 1e3 > (double)foc->overload_ma) {
+    if (foc->setting[FOC_P_OVERLOAD] > 0 &&
+        fabs(foc->axis.current_a) * 1e3 > (double)foc->setting[FOC_P_OVERLOAD]) {
         board->boards->counters.trips++;
         faults |= FOC_FAULT_OVER_CURRENT;
     }
@@ -608,8 +627,8 @@ static void foc_board_watch_faults(struct board *board)
         foc->encoder |= FOC_QE_PHASE_BROKEN;
         faults |= FOC_FAULT_ENCODER;
     }
-    if (foc->flags & FOC_HAS_TEMPERATURE && foc->temperature_limit > 0 &&
-        foc->temperature > foc->temperature_limit) {
+    if (foc->flags & FOC_HAS_TEMPERATURE && foc->setting[FOC_P_TEMPERATURE_LIMIT] > 0 &&
+        foc->temperature > foc->setting[FOC_P_TEMPERATURE_LIMIT]) {
         board->boards->counters.trips++;
         faults |= FOC_FAULT_OVER_HEATING;
     }
@@ -625,12 +644,14 @@ static void foc_board_watch_faults(struct board *board)
 static int64_t foc_follow_current(struct foc_board *foc, int64_t target_ma)
 {
     struct axis *axis = &foc->axis;
-    const double kp_v_a = ldexp((double)foc->current.kp, -(int)foc->current.shift) * axis->supply_v;
+    const double kp_v_a =
+        ldexp((double)foc->law[FOC_LOOP_CURRENT].kp, -(int)foc->law[FOC_LOOP_CURRENT].shift) *
+        axis->supply_v;
     const double henry = axis->config->winding_h;
     int32_t vq = 0;
 
     axis_follow_law(axis, &(struct current_law){.current_a = (double)target_ma * 1e-3,
-                                                .limit_a = (double)foc->peak_ma * 1e-3,
+                                                .limit_a = (double)foc->setting[FOC_P_PEAK] * 1e-3,
                                                 .bandwidth_rad_s =
                                                     henry > 0.0 ? fmax(0.0, kp_v_a / henry) : 0.0});
     control_quantize(axis->supply_v > 0.0 ? axis->voltage_v / axis->supply_v * 1e3 : 0.0, &vq);
@@ -641,6 +662,7 @@ static int64_t foc_follow_current(struct foc_board *foc, int64_t target_ma)
 static void foc_board_step_laws(struct foc_board *foc)
 {
     int64_t vq, current_ma = foc_board_current_ma(foc), error = foc->target - foc->velocity;
+    struct foc_law *speed = &foc->law[FOC_LOOP_VELOCITY];
 
     foc->axis.law.on = false;
     switch (foc->axis.mode) {
@@ -648,19 +670,20 @@ static void foc_board_step_laws(struct foc_board *foc)
         vq = foc_limiter_step(foc, foc->target / (1 << FOC_VQ_SHIFT), current_ma);
         break;
     case ICUB_MODE_SPEED_VOLTAGE:
-        vq = foc_limiter_step(foc, foc_law_step(&foc->speed, error), current_ma);
+        vq = foc_limiter_step(foc, foc_law_step(speed, error), current_ma);
         break;
     case ICUB_MODE_POSITION:
         vq = foc_limiter_step(
             foc,
-            foc_position_step(&foc->position_law,
+            foc_position_step(&foc->position_law, foc->gain[FOC_LOOP_POSITION],
                               (double)foc->target - ((double)foc->position - foc->start)),
             current_ma);
         break;
     case ICUB_MODE_SPEED_CURRENT: /* a PI law computes the current reference */
-        foc->speed_ma += (error - foc->speed.error) * 16 + error + foc->speed.error;
-        foc->speed_ma = control_clamp(foc->speed_ma, -foc->peak_ma, foc->peak_ma);
-        foc->speed.error = error;
+        foc->speed_ma += (error - speed->error) * 16 + error + speed->error;
+        foc->speed_ma =
+            control_clamp(foc->speed_ma, -foc->setting[FOC_P_PEAK], foc->setting[FOC_P_PEAK]);
+        speed->error = error;
         vq = foc_follow_current(foc, foc->speed_ma);
         break;
     case ICUB_MODE_CURRENT:

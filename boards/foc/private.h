@@ -18,12 +18,9 @@
 /* shift: between Vq and the scale +-32000 of the bus */
 enum { FOC_VQ_MAX = 950, FOC_VQ_SHIFT = 5 };
 
-enum foc_law_gain { FOC_LAW_KP, FOC_LAW_KI, FOC_LAW_GAINS };
-
 /* An incremental PI law: v += kp (e - e') + ki (e + e'), with kp and ki scaled by a left shift. */
 struct foc_law {
     int64_t kp, ki, shift;
-    double gain[FOC_LAW_GAINS]; /* gains that the host has set, from floats or integers */
     int64_t v, error;
 };
 
@@ -37,7 +34,6 @@ struct foc_limiter {
 /* A position PID in floating point; output +-32000. A limit of 0 for output or integral means full
  * scale. */
 struct foc_position_law {
-    double gain[FOC_PID_STICTION_DOWN + 1]; /* index: enum foc_pid_parameter */
     double integral, error;
 };
 
@@ -51,10 +47,10 @@ struct foc_board {
     bool compatible; /* the host has stated a compatible protocol */
     bool motor_set, current_set;
     uint8_t flags; /* enum foc_motor_flag */
-    int64_t resolution, index_offset, poles, tolerance;
-    int64_t nominal_ma, peak_ma, overload_ma;
-    int64_t temperature_limit; /* raw counts; 0 = none */
-    struct foc_law current, speed;
+    int64_t setting[FOC_P_COUNT];
+    /* gains that the host has set, from floats or integers */
+    double gain[FOC_LOOPS][FOC_PID_STICTION_DOWN + 1];
+    struct foc_law law[FOC_LOOP_POSITION];
     struct foc_position_law position_law;
     /* stored for the host, without effect */
     float motor_parameter[FOC_MOTOR_MAX_VELOCITY + 1];

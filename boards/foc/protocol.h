@@ -79,10 +79,20 @@ enum foc_command {
     FOC_SET_CURRENT_LIMIT = ICUB_SET_CURRENT_LIMIT,
     FOC_GET_FIRMWARE_VERSION = ICUB_GET_FIRMWARE_VERSION,
     FOC_SET_CURRENT_PID = 0x65, /* kp, ki, kd: i16; shift: u8 */
-    FOC_SET_VELOCITY_PID = 0x69,
+    FOC_GET_CURRENT_PID,
+    FOC_SET_CURRENT_PID_LIMITS, /* offset, limit of the output, of the integral: i16 */
+    FOC_GET_CURRENT_PID_LIMITS,
+    FOC_SET_VELOCITY_PID,
+    FOC_GET_VELOCITY_PID,
+    FOC_SET_VELOCITY_PID_LIMITS,
+    FOC_GET_VELOCITY_PID_LIMITS,
     FOC_SET_MOTOR_CONFIG = 0x77,
     FOC_SET_TEMPERATURE_LIMIT = 0x79,
-    FOC_SET_PID = 0x7d, /* one parameter as float32 */
+    FOC_GET_TEMPERATURE_LIMIT,
+    FOC_GET_MOTOR_CONFIG,
+    FOC_GET_CURRENT_LIMIT,
+    FOC_SET_PID, /* one parameter as float32 */
+    FOC_GET_PID,
 };
 
 /* SET_MOTOR_CONFIG byte 1 */
@@ -91,10 +101,11 @@ enum foc_motor_flag {
     FOC_HAS_HALL = 1 << 1,
     FOC_HAS_TEMPERATURE = 1 << 2,
     FOC_HAS_INDEX = 1 << 3,
+    FOC_MOTOR_FLAGS = 0x3f, /* flags that GET_MOTOR_CONFIG returns */
 };
 
 /* SET_PID bytes 1 and 2; byte 3 unused; bytes 4-7 float32 */
-enum foc_pid_loop { FOC_LOOP_CURRENT = 0, FOC_LOOP_VELOCITY = 1, FOC_LOOP_POSITION = 2 };
+enum foc_pid_loop { FOC_LOOP_CURRENT, FOC_LOOP_VELOCITY, FOC_LOOP_POSITION, FOC_LOOPS };
 
 enum foc_pid_parameter {
     FOC_PID_KP = 2,
@@ -105,6 +116,7 @@ enum foc_pid_parameter {
     FOC_PID_KFF = 7,
     FOC_PID_STICTION_UP = 8,
     FOC_PID_STICTION_DOWN = 9,
+    FOC_PID_NONE = 15, /* in an answer: the board cannot tell the parameter */
 };
 
 /* SET/GET_MOTOR_PARAMETER byte 1. Bytes 2-5 have the value, a float32 (Hall: i16 offset, u8

@@ -85,7 +85,7 @@ enum icub_kind {
 struct icub_command {
     const char *name;
     enum icub_kind kind;
-    enum icub_parameter parameter;    /* used by ICUB_SET and ICUB_GET */
+    uint8_t parameter; /* used by ICUB_SET and ICUB_GET: enum icub_parameter or foc_parameter */
     uint8_t request_min, request_max; /* shortest and longest valid request */
     uint8_t reply_length;             /* 0 = no reply */
     const struct field *request;      /* NULL = no fields */

@@ -88,8 +88,8 @@ TEST_ON(discovery_tells_a_2foc_and_asks_of_more_are_not_answered, start, bench)
     bench_expect(bench, 0, 0x7d0, "FF 06 03 00 05"); /* the STRAIN board beside them */
     bench_say(bench, 0, 0x701, "0C");
     assert_int_equal(bench_sent(bench, 0, 0x710), 0);
-    /* bit 7 of a command is no axis here, and most GETs are not there */
-    bench_send(bench, 0, 0x001, "89 50; 14; 53");
+    /* bit 7 of a command is no axis here, and GETs of other boards are not there */
+    bench_send(bench, 0, 0x001, "89 50; 14; 51");
     assert_int_equal(bench_counters(bench).unknown, 3);
 }
 
@@ -256,6 +256,62 @@ TEST(floats_set_the_same_gains_as_integers)
     bench_stop(&b);
 }
 
+/* Answers by the layouts of embot_prot_can_motor_polling (robotology/icub-firmware). Rows without a
+ * command ask for what the board has after power-up and make_idle. */
+TEST(settings_are_told_as_they_were_set)
+{
+    static const struct {
+        const char *set, *get, *answer;
+    } rows[] = {
+        {NULL, "53", "53 00 00 00 00 00 00 00"},
+        {NULL, "66", "66 92 00 E3 00 00 00 0F"},
+        {NULL, "6A", "6A 0C 00 10 00 00 00 0A"},
+        {NULL, "55", "55 00 00 02 00 01 00"},
+        {NULL, "68", "68 00 00 1F 00 15 00"},
+        {NULL, "6C", "6C 00 00 0C 00 0B 00"},
+        {NULL, "7A", "7A 00 00"},
+        {NULL, "7B", "7B 01 00 10 00 00 0E 24"}, /* a tolerance of 36 unless stated */
+        {NULL, "7C", "7C 00 A0 0F 40 1F 20 4E"},
+        {"52 01 00 FE FF 03 00 04", "53", "53 01 00 FE FF 03 00 04"},
+        {"65 FF 7F 00 80 05 00 00", "66", "66 FF 7F 00 80 05 00 00"},
+        {"69 01 00 02 00 FD FF 0F", "6A", "6A 01 00 02 00 FD FF 0F"},
+        {"54 01 00 FE FF 03 00", "55", "55 01 00 FE FF 03 00"},
+        {"67 01 00 FE FF 03 00 00", "68", "68 01 00 FE FF 03 00"},
+        {"6B 01 00 FE FF 03 00", "6C", "6C 01 00 FE FF 03 00"},
+        {"79 20 03", "7A", "7A 20 03"},
+        /* the host's flags, also where Hall sensors exclude the others; pairs of poles */
+        {"77 EF 01 02 03 04 0F 06", "7B", "7B 2F 01 02 03 04 0E 06"},
+        {"48 FF 01 00 02 00 03 00", "7C", "7C 00 01 00 02 00 03 00"},
+        {"48 40 1F 00 00", "7C", "7C 00 A0 0F 40 1F 20 4E"},
+        /* integers and floats are the same gains; a float keeps the shift of the integers */
+        {"65 20 00 10 00 04 00 06", "7E 00 02", "7E 00 02 00 00 00 00 3F"},
+        {"65 20 00 10 00 04 00 06", "7E 00 03", "7E 00 03 00 00 00 80 3E"},
+        {"65 20 00 10 00 04 00 06", "7E 00 04", "7E 00 04 00 00 00 80 3D"},
+        {"69 20 00 10 00 04 00 06", "7E 01 04", "7E 01 04 00 00 00 80 3D"},
+        {"52 20 00 10 00 04 00 06", "7E 02 03", "7E 02 03 00 00 00 80 3E"},
+        {"7D 02 04 00 CD CC 4C 40", "7E 02 04", "7E 02 04 00 CD CC 4C 40"}, /* 3.2 */
+        {"7D 00 02 00 33 33 53 40", "66", "66 FF 7F E3 00 00 00 0F"},       /* 3.3 * 2^15 */
+        {"65 01 00 02 00 03 00 04; 7D 00 03 00 00 00 80 BF", "66", "66 01 00 F0 FF 03 00 04"},
+        {"52 00 00 00 00 00 00 03; 7D 02 02 00 33 33 53 40", "53", "53 1A 00 00 00 00 00 03"},
+        {"69 01 00 00 80 3E", "6A", "6A 00 01 10 00 00 00 0A"}, /* 0.25 */
+        /* other parameters and loops are none that the firmware tells */
+        {"7D 02 06 00 00 00 80 3F", "7E 02 06", "7E 0F 0F 00 00 00 00 00"},
+        {NULL, "7E 03 02", "7E 0F 0F 00 00 00 00 00"},
+        {NULL, "7E 00 01", "7E 0F 0F 00 00 00 00 00"},
+    };
+    struct board_bench bench;
+
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        start(&bench);
+        if (rows[i].set) {
+            bench_send(&bench, 0, 0x001, rows[i].set);
+        }
+        bench_ask(&bench, rows[i].get, rows[i].answer);
+        assert_int_equal(bench_counters(&bench).malformed, 0);
+        bench_stop(&bench);
+    }
+}
+
 TEST_ON(position_mode_counts_from_where_it_began, start, bench)
 {
     bench->sense[0].qm = 0.5;
@@ -344,6 +400,12 @@ TEST_ON(wrong_lengths_are_refused, start, bench)
                                          "77 01 00 10 00 00",
                                          "79 00",
                                          "7D 00 02",
+                                         "7E 00",
+                                         "7E 00 02 00",
+                                         "52 01 00 FE FF 03 00",
+                                         "54 01 00 FE FF 03",
+                                         "53 00",
+                                         "65 01 00 02 00 03 00 10" /* shift 16 */,
                                          "5B",
                                          "5B 01",
                                          "02 01 00",
