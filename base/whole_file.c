@@ -295,12 +295,11 @@ enum error_code growing_file_open(const char *path, int *descriptor, struct erro
     }
     *descriptor = file.in_place ? whole_file_open_device(&file) : growing_file_create(&file);
     if (*descriptor < 0) {
-        code = errno == ELOOP
-                   ? error_set(error, ERROR_INPUT,
-                               "%s: found a symbolic link, expected a file: what it points to is "
-                               "not overwritten",
-                               path)
-                   : whole_file_refuse(path, error);
+        code = errno == ELOOP ? error_set(error, ERROR_INPUT,
+                                          "%s: found a symbolic link, expected a file: what it "
+                                          "points to is not overwritten",
+                                          path)
+                              : whole_file_refuse(path, error);
     }
     close(file.folder);
     return code;

@@ -135,10 +135,9 @@ static void put_answer(struct control *control, struct control_client *client, c
         json_pack("{s:o, s:b}", "id", id ? json_deep_copy(id) : json_null(), "ok", (int)ok);
 
     if (!body || json_object_update(answer, body)) {
-        client_put_text(
-            control, client,
-            "{\"id\":null,\"ok\":false,\"code\":\"memory\",\"error\":\"no memory for the "
-            "answer\"}\n");
+        client_put_text(control, client,
+                        "{\"id\":null,\"ok\":false,\"code\":\"memory\",\"error\":\"no memory for "
+                        "the answer\"}\n");
     } else {
         put_object(control, client, answer);
     }

@@ -110,10 +110,9 @@ static enum error_code clear_place(const struct sockaddr_un *address, bool *take
     reason = socket_probe_listener(address);
     if (reason != ECONNREFUSED && reason != ENOENT) {
         *taken = true;
-        return error_set(error, ERROR_SYSTEM,
-                         "control socket: a running process listens at %s already: give another "
-                         "path",
-                         path);
+        return error_set(
+            error, ERROR_SYSTEM,
+            "control socket: a running process listens at %s already: give another path", path);
     }
     if (unlink(path) && errno != ENOENT) {
         return error_set_errno(error, errno, "control socket: cannot remove the stale %s", path);

@@ -35,10 +35,9 @@ const struct phase_budget phase_budgets[PHASE_COUNT] = {
                         54000, 16.8, 43.4},
     [PHASE_PUBLISH] = {"hands state and counters to other threads, a row to the recorder", 1550,
                        0.8, 3.0},
-    [PHASE_ARRIVALS] =
-        {"in real time, between two ticks: hands frames to their boards and sends the "
-         "answers; part of no tick",
-         0, 0.0, 0.0},
+    [PHASE_ARRIVALS] = {"in real time, between two ticks: hands frames to their boards and sends "
+                        "the answers; part of no tick",
+                        0, 0.0, 0.0},
 };
 
 void loop_emit_event(struct loop *loop, enum loop_event_kind kind, int bus, int64_t a, int64_t b)

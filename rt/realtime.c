@@ -61,9 +61,8 @@ static void realtime_set_priority(int priority, struct realtime_report *report)
     if (sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &param) == 0) {
         report->fifo = true;
         if (access("/sys/kernel/realtime", F_OK)) {
-            realtime_warn(
-                report, "this kernel is not a real-time (PREEMPT_RT) one: wake-ups may be late by "
-                        "milliseconds; see the wake-up line of the summary");
+            realtime_warn(report, "this kernel is not a real-time (PREEMPT_RT) one: wake-ups may "
+                                  "be late by milliseconds; see the wake-up line of the summary");
         }
         return;
     }
@@ -92,11 +91,10 @@ static void realtime_lock_memory(struct realtime_report *report)
         return;
     }
     getrlimit(RLIMIT_MEMLOCK, &limit);
-    realtime_warn(
-        report,
-        "cannot lock memory (%s; RLIMIT_MEMLOCK is %llu kB): pages may be swapped out; allow it "
-        "with 'memlock unlimited' in /etc/security/limits.d or CAP_IPC_LOCK",
-        strerror(errno), (unsigned long long)limit.rlim_cur / 1024);
+    realtime_warn(report,
+                  "cannot lock memory (%s; RLIMIT_MEMLOCK is %llu kB): pages may be swapped out; "
+                  "allow it with 'memlock unlimited' in /etc/security/limits.d or CAP_IPC_LOCK",
+                  strerror(errno), (unsigned long long)limit.rlim_cur / 1024);
 }
 
 /* Keeps processors out of deep idle states. The kernel honors the limit while the file is open,

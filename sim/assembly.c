@@ -24,11 +24,10 @@ static enum error_code simulator_check_config(const struct simulator_config *con
     const struct rig *rig = config->rig;
 
     if (rig->robot->njoint > RIG_JOINTS_MAX || rig->contact.nbody > RIG_CONTACTS_MAX) {
-        return error_set(error, ERROR_INPUT,
-                         "%s: found %zu joints and %zu bodies with contact, expected at most %d "
-                         "and %d",
-                         rig->file, rig->robot->njoint, rig->contact.nbody, RIG_JOINTS_MAX,
-                         RIG_CONTACTS_MAX);
+        return error_set(
+            error, ERROR_INPUT,
+            "%s: found %zu joints and %zu bodies with contact, expected at most %d and %d",
+            rig->file, rig->robot->njoint, rig->contact.nbody, RIG_JOINTS_MAX, RIG_CONTACTS_MAX);
     }
     if (config->record && config->row_period_ns % rig->tick_ns) {
         return error_set(error, ERROR_INPUT,

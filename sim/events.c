@@ -70,12 +70,11 @@ static bool simulator_next_clamped_trip(struct simulator *simulator, int64_t *ti
         return false;
     }
     if (simulator->config.hold == RIG_HOLD_ENABLED) {
-        snprintf(
-            text, size,
-            "%.6f s: an axis has tripped against the clamp: the rig holds all links until all "
-            "%zu motors are on, and %d were on then. Switch on the others too, or take a rig that "
-            "holds nothing (initial: {hold: none}), as coman-bench",
-            seconds, simulator->config.rig->naxis, atomic_load(&simulator->clamped_trip_on));
+        snprintf(text, size,
+                 "%.6f s: an axis has tripped against the clamp: the rig holds all links until all "
+                 "%zu motors are on, and %d were on then. Switch on the others too, or take a rig "
+                 "that holds nothing (initial: {hold: none}), as coman-bench",
+                 seconds, simulator->config.rig->naxis, atomic_load(&simulator->clamped_trip_on));
     } else {
         snprintf(text, size,
                  "%.6f s: an axis has tripped against the clamp: all links are held. Release them, "

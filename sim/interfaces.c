@@ -27,13 +27,12 @@ static struct interface_settings interface_settings_of(const struct rig_bus *bus
 static enum error_code interface_refuse_bitrate(const struct rig_bus *bus, const char *name,
                                                 uint32_t actual, struct error *error)
 {
-    return error_set(
-        error, ERROR_INPUT,
-        "bus %s: interface %s runs at %u bit/s, expected %" PRId64
-        " as the rig says; set it with `ip link set %s down && ip link set %s type can "
-        "bitrate %" PRId64 " && ip link set %s up`, or let the bus have configure: "
-        "true",
-        bus->name, name, actual, bus->bitrate, name, name, bus->bitrate, name);
+    return error_set(error, ERROR_INPUT,
+                     "bus %s: interface %s runs at %u bit/s, expected %" PRId64
+                     " as the rig says; set it with `ip link set %s down && ip link set %s type "
+                     "can bitrate %" PRId64
+                     " && ip link set %s up`, or let the bus have configure: true",
+                     bus->name, name, actual, bus->bitrate, name, name, bus->bitrate, name);
 }
 
 /* Checks the data bit rate of FD frames, which libsocketcan cannot set. */
@@ -46,13 +45,12 @@ static enum error_code interface_check_data_bitrate(const struct rig_bus *bus, c
     if (!bus->fd || interface_bitrate_fits(actual, bus->data_bitrate)) {
         return ERROR_NONE;
     }
-    return error_set(
-        error, ERROR_INPUT,
-        "bus %s: interface %s has a data bit rate of %u bit/s, expected %" PRId64
-        " as the rig says; set it with `ip link set %s down && ip link set %s type can "
-        "bitrate %" PRId64 " dbitrate %" PRId64 " fd on && ip link set %s up`",
-        bus->name, name, actual, bus->data_bitrate, name, name, bus->bitrate, bus->data_bitrate,
-        name);
+    return error_set(error, ERROR_INPUT,
+                     "bus %s: interface %s has a data bit rate of %u bit/s, expected %" PRId64
+                     " as the rig says; set it with `ip link set %s down && ip link set %s type "
+                     "can bitrate %" PRId64 " dbitrate %" PRId64 " fd on && ip link set %s up`",
+                     bus->name, name, actual, bus->data_bitrate, name, name, bus->bitrate,
+                     bus->data_bitrate, name);
 }
 
 /* Configures a controller or checks its bit rate, according to the bus; accepts virtual

@@ -128,14 +128,13 @@ static enum error_code stimulus_keep_frame(const struct stimulus_reader *reader,
                                            struct stimulus *stimulus, struct error *error)
 {
     if (stimulus->count[bus] && frame->time_ns < last_ns[bus]) {
-        return error_set(error, ERROR_INPUT,
-                         "%s:%d: found a frame %.6f s earlier than the one before it on %s: the "
-                         "clock of the log stepped back; expected later times from this line on, "
-                         "in the same order: awk 'NR >= %d { $1 = sprintf(\"(%%.6f)\", "
-                         "substr($1, 2) + %.6f) } 1' makes them",
-                         reader->path, line, (double)(last_ns[bus] - frame->time_ns) * 1e-9,
-                         reader->rig->bus[bus].name, line,
-                         (double)(last_ns[bus] - frame->time_ns) * 1e-9);
+        return error_set(
+            error, ERROR_INPUT,
+            "%s:%d: found a frame %.6f s earlier than the one before it on %s: the clock of the "
+            "log stepped back; expected later times from this line on, in the same order: awk 'NR "
+            ">= %d { $1 = sprintf(\"(%%.6f)\", substr($1, 2) + %.6f) } 1' makes them",
+            reader->path, line, (double)(last_ns[bus] - frame->time_ns) * 1e-9,
+            reader->rig->bus[bus].name, line, (double)(last_ns[bus] - frame->time_ns) * 1e-9);
     }
     last_ns[bus] = frame->time_ns;
     if (stimulus->frame[bus]) {
@@ -219,11 +218,10 @@ static enum error_code stimulus_check_count(const struct stimulus_reader *reader
     }
     return !stimulus->frame[0] || !reader->lockstep || steps
                ? ERROR_NONE
-               : error_set(
-                     error, ERROR_INPUT,
-                     "%s: found no STEP frame, expected some with the lockstep clock; --clock "
-                     "free plays what was recorded in real time",
-                     reader->path);
+               : error_set(error, ERROR_INPUT,
+                           "%s: found no STEP frame, expected some with the lockstep clock; "
+                           "--clock free plays what was recorded in real time",
+                           reader->path);
 }
 
 enum error_code stimulus_load(const char *path, const struct rig *rig, const char *const *interface,

@@ -220,13 +220,12 @@ static void print_energy(const struct summary *summary, FILE *out)
     double turnover;
 
     if (read_energy(summary, &e, &turnover)) {
-        fprintf(
-            out,
-            "energy: electrical %.6g J, pretension %.6g J, pushes %.6g J in; windings %.6g J, "
-            "motor friction %.6g J, springs %.6g J, ropes %.6g J, stops %.6g J, contacts %.6g J "
-            "lost\n",
-            e.electrical_in, e.pretension_work, e.push_work, e.joule_heat, e.motor_friction,
-            e.spring_damping, e.parallel_damping, e.stop_loss, e.contact_dissipation);
+        fprintf(out,
+                "energy: electrical %.6g J, pretension %.6g J, pushes %.6g J in; windings %.6g J, "
+                "motor friction %.6g J, springs %.6g J, ropes %.6g J, stops %.6g J, contacts %.6g "
+                "J lost\n",
+                e.electrical_in, e.pretension_work, e.push_work, e.joule_heat, e.motor_friction,
+                e.spring_damping, e.parallel_damping, e.stop_loss, e.contact_dissipation);
         if (e.gear_friction + e.gear_hysteresis + e.bridge_loss + e.source_loss + e.chopper_heat >
             0.0) {
             fprintf(out,
@@ -386,13 +385,10 @@ static void json_energy(const struct summary *summary, FILE *out)
         fprintf(out,
                 "  \"energy\": {\"electrical_in_j\": %.9g, \"pretension_work_j\": %.9g, "
                 "\"push_work_j\": %.9g, \"joule_heat_j\": %.9g, \"motor_friction_j\": %.9g, "
-                "\"spring_damping_j\": %.9g, \"parallel_damping_j\": %.9g, "
-                "\"stop_loss_j\": %.9g, \"contact_dissipation_j\": %.9g, "
-                "\"gear_friction_j\": %.9g, \"gear_hysteresis_j\": %.9g, "
-                "\"bridge_loss_j\": %.9g, \"source_loss_j\": %.9g, \"chopper_heat_j\": %.9g, "
-                "\"balance_j\": %.9g, "
-                "\"turnover_j\": "
-                "%.9g},\n",
+                "\"spring_damping_j\": %.9g, \"parallel_damping_j\": %.9g, \"stop_loss_j\": %.9g, "
+                "\"contact_dissipation_j\": %.9g, \"gear_friction_j\": %.9g, "
+                "\"gear_hysteresis_j\": %.9g, \"bridge_loss_j\": %.9g, \"source_loss_j\": %.9g, "
+                "\"chopper_heat_j\": %.9g, \"balance_j\": %.9g, \"turnover_j\": %.9g},\n",
                 e.electrical_in, e.pretension_work, e.push_work, e.joule_heat, e.motor_friction,
                 e.spring_damping, e.parallel_damping, e.stop_loss, e.contact_dissipation,
                 e.gear_friction, e.gear_hysteresis, e.bridge_loss, e.source_loss, e.chopper_heat,

@@ -52,11 +52,10 @@ static const char index_page[] =
     "</html>\n";
 
 /* The page's icon: a knee, SVG. */
-static const char icon[] =
-    "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 32 32\"><rect width=\"32\" "
-    "height=\"32\" rx=\"7\" fill=\"#1f6feb\"/><path d=\"M12 5l7 10-7 10h9\" fill=\"none\" "
-    "stroke=\"#fff\" stroke-width=\"4\" stroke-linecap=\"round\" stroke-linejoin=\"round\"/>"
-    "</svg>\n";
+static const char icon[] = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 32 32\"><rect "
+                           "width=\"32\" height=\"32\" rx=\"7\" fill=\"#1f6feb\"/><path d=\"M12 "
+                           "5l7 10-7 10h9\" fill=\"none\" stroke=\"#fff\" stroke-width=\"4\" "
+                           "stroke-linecap=\"round\" stroke-linejoin=\"round\"/></svg>\n";
 
 struct status_text {
     int status;

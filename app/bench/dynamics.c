@@ -121,11 +121,10 @@ static void dynamics_bench_print_table(const struct dynamics_bench *bench)
                "counted each, sines and\ncosines apart.\n",
                bench->robot[last]->nv, module->operations, module->variant);
     }
-    printf(
-        "\nThe paper, COMAN with 29: symbolic code 3.5 times as fast as Simbody, its slope half of "
-        "Simbody's,\naverage relative difference 1.9e-13. Other simulators are measured as "
-        "installed: Debian builds Simbody\nwith assertions on; rebuilt with full optimization it "
-        "is about 1.8 times as fast.\n");
+    printf("\nThe paper, COMAN with 29: symbolic code 3.5 times as fast as Simbody, its slope half "
+           "of Simbody's,\naverage relative difference 1.9e-13. Other simulators are measured as "
+           "installed: Debian builds Simbody\nwith assertions on; rebuilt with full optimization "
+           "it is about 1.8 times as fast.\n");
 }
 
 void dynamics_bench_draw(const struct dynamics_bench *bench, struct dynamics_plot *plot)

@@ -24,31 +24,25 @@ void paper_progress(struct paper *paper, const char *what)
 static void put_choices(struct report *report)
 {
     report_section(report, "choices", "What follows from choices of ours");
-    report_text(report,
-                "Measured on a real robot is nothing here. What agrees with the paper agrees with "
-                "what it says of its own simulator, and these findings with the help of choices "
-                "where it says nothing or cannot be followed.");
+    report_text(report, "Measured on a real robot is nothing here. What agrees with the paper "
+                        "agrees with what it says of its own simulator, and these findings with "
+                        "the help of choices where it says nothing or cannot be followed.");
     report_table(report, "choices-made", "", "finding|our choice|why");
+    report_row(report, "the wrists touch at 1.06 s; how hard they press; angles of the arm|The "
+                       "path of the arms, found by inverse kinematics so that the wrists meet the "
+                       "box's middle at that time.|The paper only plots its own.");
     report_row(report,
-               "the wrists touch at 1.06 s; how hard they press; angles of the arm|The path of the "
-               "arms, found by inverse kinematics so that the wrists meet the box's middle at that "
-               "time.|The paper only plots its own.");
-    report_row(
-        report,
-        "the box is lifted; how hard the wrists press|Elastic layers 1 mm thick.|Table 2 has "
-        "no thickness; with 1 cm the wrists could not carry the box.");
+               "the box is lifted; how hard the wrists press|Elastic layers 1 mm thick.|Table 2 "
+               "has no thickness; with 1 cm the wrists could not carry the box.");
     report_row(report,
                "all that stands on its feet|Feet and ground with the layers and friction of the "
                "authors' walking code.|With the 1e4 Pa of Table 2 gravity topples the robot.");
-    report_row(report,
-               "the soft elbow presses less than the stiff one|Forearms that weigh nothing.|An "
-               "elbow of 0.0012 N m/rad cannot carry one of 2.2 kg.");
-    report_row(report,
-               "energy errors of the pendulums at 1e-4 and 1e-6|Compensated summation of the state."
-               "|Plain RK4 has the paper's.");
-    report_row(report,
-               "all of Table 1 and Fig. 3|The second pendulum's mass is 2.|The paper leaves "
-               "it out; no other mass makes both turn as one.");
+    report_row(report, "the soft elbow presses less than the stiff one|Forearms that weigh "
+                       "nothing.|An elbow of 0.0012 N m/rad cannot carry one of 2.2 kg.");
+    report_row(report, "energy errors of the pendulums at 1e-4 and 1e-6|Compensated summation of "
+                       "the state.|Plain RK4 has the paper's.");
+    report_row(report, "all of Table 1 and Fig. 3|The second pendulum's mass is 2.|The paper "
+                       "leaves it out; no other mass makes both turn as one.");
 }
 
 /* Measures all parts of the paper, and adds their sections. */
@@ -77,10 +71,8 @@ static enum error_code paper_measure_all(struct paper *paper, struct error *erro
                "page of a run shows (run --http): there is nothing to measure.");
     report_row(report, "Fig. 9: the references themselves|Plotted only. The path here is our own.");
     report_row(report, "Fig. 12: measured curves|Measured on the real WALK-MAN, plotted only.");
-    report_row(
-        report,
-        "Figs. 3, 4, 9 to 12: curves point by point|No numbers are published; compared is what "
-        "the text says of them.");
+    report_row(report, "Figs. 3, 4, 9 to 12: curves point by point|No numbers are published; "
+                       "compared is what the text says of them.");
     report_row(report,
                "supplementary animations|A recording (run --record) has all motion, as numbers.");
     return ERROR_NONE;
@@ -117,9 +109,8 @@ int bench_paper(int argc, char **argv)
     static const struct option_spec options[] = {
         {.name = "--quick",
          .type = OPTION_FLAG,
-         .help =
-             "a preview in seconds: without the pendulums' step of 1e-6, one cycle of the squat, "
-             "one run for each real-time factor, the whole robot only in Fig. 4",
+         .help = "a preview in seconds: without the pendulums' step of 1e-6, one cycle of the "
+                 "squat, one run for each real-time factor, the whole robot only in Fig. 4",
          .value = &quick},
         BENCH_OUT_OPTION(&folder,
                          "index.html, the tables and figures as CSV, and the plots as SVG"),

@@ -93,8 +93,7 @@ static const struct paper_surface {
     {"Wrist", "right_wrist", "primitive|-|1.05, 1.1, 0.5", ""},
     {"Foot", "right_foot", "mesh|504|1.9, 2.1, 0.5",
      "With 1e4 Pa the feet resist rocking less than gravity topples a robot that stands on its "
-     "own: "
-     "layers and friction of the authors' walking code instead."},
+     "own: layers and friction of the authors' walking code instead."},
     {"Ground", "ground", "primitive|-|0.9, 1.1, 0.5", "as the foot's"},
     {"Table", "table", "mesh|12|0.9, 1.1, 0.5", ""},
 };
@@ -113,17 +112,16 @@ static size_t faces_of(const struct contact_surface *surface)
 static void put_table_2(struct report *report, const struct rig *rig)
 {
     report_section(report, "contacts", "Table 2: the contacts of the manipulation task");
-    report_text(
-        report,
-        "The paper has Young's modulus 1e4 Pa for all surfaces, and dissipation 10 s/m for all "
-        "but the table, which has 0.1. It does not say how thick the elastic layers are: 1 mm "
-        "here, as the ground's in the authors' walking code. With 1 cm, Table 2's box could not "
-        "be lifted: a sphere of 2 cm then presses with 1.9 N at most, and friction has to carry "
-        "7.4 N at each wrist.");
-    report_table(
-        report, "table-2", "Paper's values first, then those of config/rigs/grasp.yaml.",
-        "surface|paper: type|paper: faces|paper: friction (dynamic, static, viscous)|type|faces|"
-        "friction|Young's modulus, Pa|layer, mm|dissipation, s/m|why it differs");
+    report_text(report,
+                "The paper has Young's modulus 1e4 Pa for all surfaces, and dissipation 10 s/m for "
+                "all but the table, which has 0.1. It does not say how thick the elastic layers "
+                "are: 1 mm here, as the ground's in the authors' walking code. With 1 cm, Table "
+                "2's box could not be lifted: a sphere of 2 cm then presses with 1.9 N at most, "
+                "and friction has to carry 7.4 N at each wrist.");
+    report_table(report, "table-2", "Paper's values first, then those of config/rigs/grasp.yaml.",
+                 "surface|paper: type|paper: faces|paper: friction (dynamic, static, "
+                 "viscous)|type|faces|friction|Young's modulus, Pa|layer, mm|dissipation, s/m|why "
+                 "it differs");
     for (size_t i = 0; i < sizeof surfaces / sizeof surfaces[0]; i++) {
         const int at =
             TEXT_FIND(rig->contact.surface, rig->contact.nsurface, name, surfaces[i].surface);
@@ -324,13 +322,12 @@ static void compare_forces(struct report *report, const struct grasp_result *our
                    "torque of dry friction at a wrist, N m|plotted only|%.4f at most|About the "
                    "middle of the patch of contact.",
                    torque);
-    report_finding(report, false,
-                   "right wrist from 1.1 s to %.1f s, rk4 0.1 ms, N|plotted only|%.2f on "
-                   "average|implicit at 1 ms: %.2f. rk4 needs a ten times larger transition "
-                   "velocity, so the grip creeps more.",
-                   until,
-                   paper_mean(theirs->time, theirs->value[PRESS_RIGHT], theirs->count, 1.1, until),
-                   paper_mean(t, ours->value[PRESS_RIGHT], n, 1.1, until));
+    report_finding(
+        report, false,
+        "right wrist from 1.1 s to %.1f s, rk4 0.1 ms, N|plotted only|%.2f on average|implicit at "
+        "1 ms: %.2f. rk4 needs a ten times larger transition velocity, so the grip creeps more.",
+        until, paper_mean(theirs->time, theirs->value[PRESS_RIGHT], theirs->count, 1.1, until),
+        paper_mean(t, ours->value[PRESS_RIGHT], n, 1.1, until));
 }
 
 /* ---- Fig. 11 ---- */
@@ -351,13 +348,12 @@ static void put_figure_11(struct report *report, const struct grasp_result *stif
 
     /* The force decreases with the stiffness; the spring deflects from the touch on */
     report_section(report, "elbows", "Fig. 11: stiff and soft elbows");
-    report_figure(
-        report, "figure-11",
-        "Paper: softer springs give a smaller grasping force, and the spring deforms once the "
-        "wrist touches the box. Here: the same. An elbow of 0.0012 N m/rad cannot hold a forearm "
-        "of 2.2 kg, so both runs are those of a robot whose forearms weigh nothing "
-        "(grasp-light.yaml, grasp-soft.yaml).",
-        panels, 2);
+    report_figure(report, "figure-11",
+                  "Paper: softer springs give a smaller grasping force, and the spring deforms "
+                  "once the wrist touches the box. Here: the same. An elbow of 0.0012 N m/rad "
+                  "cannot hold a forearm of 2.2 kg, so both runs are those of a robot whose "
+                  "forearms weigh nothing (grasp-light.yaml, grasp-soft.yaml).",
+                  panels, 2);
 }
 
 /* Computes the deflection of the right elbow's spring at the end, mrad. */
@@ -440,10 +436,9 @@ enum error_code paper_grasp(struct paper *paper, struct error *error)
         report_figure(
             report, "figure-10",
             "Paper: the vertical force on the box relaxes in the first 0.2 s, is its weight until "
-            "the "
-            "wrists touch it and moves with its acceleration then; pressing forces; force of the "
-            "foot; torque of dry friction about the horizontal axis between the wrists. Here: the "
-            "same four, the first 0.2 s being those from -0.5 s on.",
+            "the wrists touch it and moves with its acceleration then; pressing forces; force of "
+            "the foot; torque of dry friction about the horizontal axis between the wrists. Here: "
+            "the same four, the first 0.2 s being those from -0.5 s on.",
             panels, 4);
         compare_box(report, &result[0]);
         compare_forces(report, &result[0], &result[1]);

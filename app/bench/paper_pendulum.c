@@ -117,12 +117,11 @@ static void put_courses(struct report *report, const struct pendulum_course *cou
     }
     turns[count] = svg_line("analytic", ends, flat, 2, SVG_DASHED);
     panels[1].x = (struct svg_axis){"time, time units", .fixed = true, .min = 60.0, .max = 140.0};
-    report_figure(
-        report, "figure-3",
-        "Paper: the period grows about linearly with ODE and fluctuates by about 5e-9 with "
-        "Robotran; the heights part and come to be in antiphase. Here: the same; the second "
-        "panel begins at 60 time units, where they begin to part.",
-        panels, 2);
+    report_figure(report, "figure-3",
+                  "Paper: the period grows about linearly with ODE and fluctuates by about 5e-9 "
+                  "with Robotran; the heights part and come to be in antiphase. Here: the same; "
+                  "the second panel begins at 60 time units, where they begin to part.",
+                  panels, 2);
 }
 
 enum error_code paper_pendulums(struct paper *paper, struct pendulum_table *table,
@@ -158,24 +157,23 @@ enum error_code paper_pendulums(struct paper *paper, struct pendulum_table *tabl
         put_courses(report, course, count);
         report_finding(report, false,
                        "period from the elliptic integral, time units|about 3.15|%.8f|", period);
-        report_finding(
-            report, true,
-            "largest error of the period over %g time units, dt %g|about 5e-9|%.1e|Linear "
-            "interpolation between steps gives the paper's error. Here a cubic through "
-            "angles and rates ends a turn.",
-            PENDULUM_PERIOD_UNITS, PENDULUM_PERIOD_STEP, worst_period(&course[0], period));
+        report_finding(report, true,
+                       "largest error of the period over %g time units, dt %g|about "
+                       "5e-9|%.1e|Linear interpolation between steps gives the paper's error. Here "
+                       "a cubic through angles and rates ends a turn.",
+                       PENDULUM_PERIOD_UNITS, PENDULUM_PERIOD_STEP,
+                       worst_period(&course[0], period));
 
         /* Findings that need an engine with absolute coordinates */
         if (count > 1) {
             report_finding(report, false,
                            "the same with ODE|grows about linearly, to be read off only|%.2f|",
                            worst_period(&course[1], period));
-            report_finding(
-                report, true,
-                "heights differ by half of their range after, time units|80|%.1f|Both "
-                "depend on ODE's drift alone, and that on its version and build; the paper "
-                "does not give them.",
-                pendulum_apart_at(&course[0], &course[1], 1.0));
+            report_finding(report, true,
+                           "heights differ by half of their range after, time units|80|%.1f|Both "
+                           "depend on ODE's drift alone, and that on its version and build; the "
+                           "paper does not give them.",
+                           pendulum_apart_at(&course[0], &course[1], 1.0));
             report_finding(report, true, "in antiphase after, time units|124|%.1f|as above",
                            pendulum_antiphase_at(&course[0], &course[1], period));
         }

@@ -95,11 +95,10 @@ static enum error_code measure_settings(struct paper *paper, struct error *error
     }
 
     /* Adds the table of real-time factors, with the medians of all rounds */
-    report_table(
-        &paper->report, "real-time-factors",
-        "The manipulation task with its controller, 23 motor axes and 4 F/T boards on five buses "
-        "inside the process.",
-        "settings|rig|paper|here, CPU time|here, clock|times the paper's");
+    report_table(&paper->report, "real-time-factors",
+                 "The manipulation task with its controller, 23 motor axes and 4 F/T boards on "
+                 "five buses inside the process.",
+                 "settings|rig|paper|here, CPU time|here, clock|times the paper's");
     for (size_t i = 0; i < PAPER_SPEEDS; i++) {
         double cpu = bench_median(speed[i].cpu, rounds), wall = bench_median(speed[i].wall, rounds);
         char said[32] = "-", times[32] = "-";
@@ -126,18 +125,16 @@ static void put_dynamics(struct report *report, const struct dynamics_bench *ben
 
     /* The figure, then one row per engine for the whole robot */
     dynamics_bench_draw(bench, &plot);
-    report_figure(
-        report, "figure-4",
-        "Paper: time grows linearly with the degrees of freedom, Robotran's symbolic code with "
-        "half of Simbody's slope and 3.5 times as fast at 29. Here: the same parts of the robot, "
-        "12, 18, 21 and 29 degrees of freedom, on a logarithmic axis. Other simulators as "
-        "installed: Debian builds Simbody with assertions on, without them it is some 1.8 times "
-        "as fast.",
-        &plot.panel, 1);
-    report_table(
-        report, "accelerations", "One evaluation of the whole robot's accelerations.",
-        "program|version|us, median|slope, us a freedom|average relative difference from the "
-        "first");
+    report_figure(report, "figure-4",
+                  "Paper: time grows linearly with the degrees of freedom, Robotran's symbolic "
+                  "code with half of Simbody's slope and 3.5 times as fast at 29. Here: the same "
+                  "parts of the robot, 12, 18, 21 and 29 degrees of freedom, on a logarithmic "
+                  "axis. Other simulators as installed: Debian builds Simbody with assertions on, "
+                  "without them it is some 1.8 times as fast.",
+                  &plot.panel, 1);
+    report_table(report, "accelerations", "One evaluation of the whole robot's accelerations.",
+                 "program|version|us, median|slope, us a freedom|average relative difference from "
+                 "the first");
     for (size_t e = 0; e < bench->nengine; e++) {
         char slope[32] = "-";
 
@@ -153,16 +150,14 @@ static void put_dynamics(struct report *report, const struct dynamics_bench *ben
         report_text(report, "Simbody was not available (libhil-peers.so): ours only.");
         return;
     }
-    report_finding(
-        report, true,
-        "accelerations, 29 degrees of freedom: symbolic code against Simbody|3.5 times as "
-        "fast|%.0f times as fast|"
-        "Symbolic code evaluates with vector instructions, parts of the robot side "
-        "by side; see the caption for Simbody.",
-        bench->cell[reference][last].median / bench->cell[1][last].median);
     report_finding(report, true,
-                   "average relative difference of the accelerations|1.9e-13|%.1e|Simbody "
-                   "against our numeric implementation.",
+                   "accelerations, 29 degrees of freedom: symbolic code against Simbody|3.5 times "
+                   "as fast|%.0f times as fast|Symbolic code evaluates with vector instructions, "
+                   "parts of the robot side by side; see the caption for Simbody.",
+                   bench->cell[reference][last].median / bench->cell[1][last].median);
+    report_finding(report, true,
+                   "average relative difference of the accelerations|1.9e-13|%.1e|Simbody against "
+                   "our numeric implementation.",
                    bench->cell[reference][last].difference);
     if (bench->nsize > 1) {
         report_finding(report, false, "Simbody's slope over the symbolic code's|about 2|%.0f|",

@@ -233,35 +233,33 @@ static void squat_put_findings(struct report *report, const struct squat *squat)
                    1e3 * rms_error(squat, squat->hip, squat->reference, 0.0, end));
 
     /* Torque and forces, compared with statics and Newton's law */
-    report_finding(
-        report, true,
-        "knee torque, N m|plotted only|%.1f to %.1f|Standing upright, and at the bottom. It "
-        "is what statics of the robot's masses ask for.",
-        paper_smallest(t, squat->knee, n, 0.0, end), paper_largest(t, squat->knee, n, 0.0, end));
+    report_finding(report, true,
+                   "knee torque, N m|plotted only|%.1f to %.1f|Standing upright, and at the "
+                   "bottom. It is what statics of the robot's masses ask for.",
+                   paper_smallest(t, squat->knee, n, 0.0, end),
+                   paper_largest(t, squat->knee, n, 0.0, end));
     report_finding(report, true,
                    "both feet, standing, N|plotted only|%.1f|The weight of %.1f kg is %.1f N.",
                    still, robot->total_mass, weight);
-    report_finding(
-        report, true,
-        "both feet less m (g + a) of the center of mass, N RMS|oscillates with the "
-        "center of mass's acceleration|%.2f|a: second differences of the recorded motion; the "
-        "feet's force moves between %.1f and %.1f N.",
-        rms_error(squat, squat->feet, squat->newton, 0.5, end),
-        paper_smallest(t, squat->feet, n, 0.0, end), paper_largest(t, squat->feet, n, 0.0, end));
+    report_finding(report, true,
+                   "both feet less m (g + a) of the center of mass, N RMS|oscillates with the "
+                   "center of mass's acceleration|%.2f|a: second differences of the recorded "
+                   "motion; the feet's force moves between %.1f and %.1f N.",
+                   rms_error(squat, squat->feet, squat->newton, 0.5, end),
+                   paper_smallest(t, squat->feet, n, 0.0, end),
+                   paper_largest(t, squat->feet, n, 0.0, end));
 
     /* The force-torque sensor, and the start */
-    report_finding(
-        report, false,
-        "right foot's F/T board, standing, N|plotted only|%.1f|The ground pushes with %.1f N; "
-        "the sensor does not feel the %.2f kg below it.",
-        board, paper_mean(t, squat->value[FOOT_RIGHT], n, end + 0.3, last),
-        robot->ft[foot_board(squat->rig)->ft].distal.mass);
-    report_finding(
-        report, false,
-        "relaxation at the start|fast, damped, in the first second|%.1f N above the weight at "
-        "most|The contacts relax, then the robot sways on its springs. "
-        "run --settle starts without.",
-        paper_largest(t, squat->feet, n, t[0], 0.0) - weight);
+    report_finding(report, false,
+                   "right foot's F/T board, standing, N|plotted only|%.1f|The ground pushes with "
+                   "%.1f N; the sensor does not feel the %.2f kg below it.",
+                   board, paper_mean(t, squat->value[FOOT_RIGHT], n, end + 0.3, last),
+                   robot->ft[foot_board(squat->rig)->ft].distal.mass);
+    report_finding(report, false,
+                   "relaxation at the start|fast, damped, in the first second|%.1f N above the "
+                   "weight at most|The contacts relax, then the robot sways on its springs. run "
+                   "--settle starts without.",
+                   paper_largest(t, squat->feet, n, t[0], 0.0) - weight);
     report_compared(report);
 }
 

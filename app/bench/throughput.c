@@ -487,11 +487,10 @@ static enum error_code measure_throughput(struct throughput *t, struct error *er
                "whole ms", "MB");
         print_table(t, FIGURE_HOURLY, FIGURE_WHOLE_MB, true);
         printf("an hour: whole cases in a range, on one processor\n");
-        printf(t->mujoco
-                   ? "bodies alone: at the rig's step, without contact, joint limits, drives, "
-                     "boards or controller; standing: the same on the ground, with springs in "
-                     "the joints; MuJoCo %s; ratio of ours to its default, Euler\n"
-                   : "no MuJoCo was found\n",
+        printf(t->mujoco ? "bodies alone: at the rig's step, without contact, joint limits, "
+                           "drives, boards or controller; standing: the same on the ground, with "
+                           "springs in the joints; MuJoCo %s; ratio of ours to its default, Euler\n"
+                         : "no MuJoCo was found\n",
                t->mujoco ? t->mujoco->version : "");
         if (t->file && !(code = whole_file_open(&file, t->file, error))) {
             write_json(t, file.out);

@@ -302,11 +302,10 @@ static int check_print_rig(void *context, const struct rig *rig, struct arena *a
                (telemetry + commands) * percent,
                (telemetry + commands) * percent > 100.0 ? ", more than it carries" : "");
         if (rig_bus_capacity(rig, i, command) > 0) {
-            printf(
-                "    carries        %zu such axes at 1 kHz, %zu at 500 Hz, %zu at 250 Hz, %zu at "
-                "100 Hz\n",
-                rig_bus_capacity(rig, i, 1000000), rig_bus_capacity(rig, i, 2000000),
-                rig_bus_capacity(rig, i, 4000000), rig_bus_capacity(rig, i, 10000000));
+            printf("    carries        %zu such axes at 1 kHz, %zu at 500 Hz, %zu at 250 Hz, %zu "
+                   "at 100 Hz\n",
+                   rig_bus_capacity(rig, i, 1000000), rig_bus_capacity(rig, i, 2000000),
+                   rig_bus_capacity(rig, i, 4000000), rig_bus_capacity(rig, i, 10000000));
         }
 
         /* The boards of this bus, in the order of the rig */

@@ -131,8 +131,7 @@ int cmd_import(int argc, char **argv)
          .value = &r.options.repair_inertia},
         {"--drive", OPTION_LIST, "[JOINTS=]NAME",
          "drive of the catalogue for all joints, or for those whose names JOINTS matches (* and "
-         "?); "
-         "may be given more than once",
+         "?); may be given more than once",
          .noun = "drives", .value = &drives},
         {"--package-path", OPTION_LIST, "DIR",
          "folder that holds the packages of package:// names; may be given more than once",

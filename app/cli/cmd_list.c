@@ -225,9 +225,8 @@ static enum error_code list_find_noun(const char *given, int *noun, struct error
     }
     return given && *noun == LIST_ALL
                ? error_set(error, ERROR_INPUT,
-                           "found \"%.100s\", expected rigs, robots, "
-                           "scenarios, drives, protocols, validations, tasks, "
-                           "settings, joints or faults",
+                           "found \"%.100s\", expected rigs, robots, scenarios, drives, protocols, "
+                           "validations, tasks, settings, joints or faults",
                            given)
                : ERROR_NONE;
 }
@@ -242,8 +241,7 @@ int cmd_list(int argc, char **argv)
     static const struct operand_spec operands[] = {
         {"KIND",
          "rigs, robots, scenarios, drives, protocols, validations or tasks, all of them by "
-         "default; "
-         "settings of tasks; joints or faults of a rig",
+         "default; settings of tasks; joints or faults of a rig",
          false, &given, .words = nouns},
         {"RIG", "for joints and faults: a rig's file or name", false, &rig, .noun = "rigs"}};
     static const struct command_spec spec = {

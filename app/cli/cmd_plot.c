@@ -178,14 +178,13 @@ static enum error_code plot_signals(const struct plot_options *o, const char *co
         /* Refuse a time span without rows in the file; the error gives the file's span */
         code = signals_read(o->file, name, 1, -1e9, 1e9, &all, error);
         if (!code) {
-            code =
-                all.count == 0
-                    ? error_set(error, ERROR_INPUT, "%.200s: found no row, expected some", o->file)
-                    : error_set(error, ERROR_INPUT,
-                                "--from, --to: found no row from %g to %g s, expected times "
-                                "within %g to %g s",
-                                o->span[0], o->span[1], all.value[0][0],
-                                all.value[0][all.count - 1]);
+            code = all.count == 0 ? error_set(error, ERROR_INPUT,
+                                              "%.200s: found no row, expected some", o->file)
+                                  : error_set(error, ERROR_INPUT,
+                                              "--from, --to: found no row from %g to %g s, "
+                                              "expected times within %g to %g s",
+                                              o->span[0], o->span[1], all.value[0][0],
+                                              all.value[0][all.count - 1]);
         }
         signals_free(&all);
     } else if (!code) {
@@ -250,8 +249,7 @@ int cmd_plot(int argc, char **argv)
          .value = &o.list},
         {"--output", OPTION_STRING, "FILE",
          "file to write: SVG, or PNG when its name ends in .png; by default SVG on standard "
-         "output, "
-         "unless that is a terminal",
+         "output, unless that is a terminal",
          .value = &o.output, .letter = "-o"},
         {"--from", OPTION_REAL, "S", "first second to plot", .value = &o.span[0], .min = -1e9,
          .max = 1e9, .unit = "seconds"},

@@ -69,8 +69,7 @@ static enum error_code test_read_range(const char *text, size_t range[2], struct
             (*end && (i || *end != '-'))) {
             return error_set(
                 error, ERROR_INPUT,
-                "--case: found \"%.40s\", expected a number or two as 1-500, each from 1 to "
-                "%d",
+                "--case: found \"%.40s\", expected a number or two as 1-500, each from 1 to %d",
                 text, SWEEP_CASES_MAX);
         }
         at = *end ? end + 1 : at; /* one number is both first and last */
@@ -224,8 +223,7 @@ static enum error_code test_check_names(struct scenario *const *scenario, size_t
             if (strcmp(scenario[i]->name, scenario[k]->name) == 0) {
                 return yaml_error(
                     error, &scenario[i]->mark,
-                    "found scenario \"%s\", which is in %.200s too, expected a name of its "
-                    "own",
+                    "found scenario \"%s\", which is in %.200s too, expected a name of its own",
                     scenario[i]->name, scenario[k]->file);
             }
         }

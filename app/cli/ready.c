@@ -60,10 +60,9 @@ static enum error_code ready_check(const char *path, struct error *error)
                          path);
     }
     if (owner < 0) {
-        return error_set(error, ERROR_INPUT,
-                         "--ready: found %s, which no run has written, expected the name of a new "
-                         "file",
-                         path);
+        return error_set(
+            error, ERROR_INPUT,
+            "--ready: found %s, which no run has written, expected the name of a new file", path);
     }
     if (owner > 0 && owner != getpid() && (!kill((pid_t)owner, 0) || errno == EPERM)) {
         return error_set(error, ERROR_INPUT,

@@ -172,8 +172,7 @@ enum error_code run_options_parse_address(const char *option, const char *text, 
         length > RUN_HOST_SIZE - 4 || (colon && length == 0)) {
         return error_set(
             error, ERROR_INPUT,
-            "%s: found \"%.100s\", expected PORT or HOST:PORT, as in %s, PORT from 0 to "
-            "65535",
+            "%s: found \"%.100s\", expected PORT or HOST:PORT, as in %s, PORT from 0 to 65535",
             option, text, example);
     }
     /* The only accepted name, because it needs no resolution */
@@ -201,11 +200,10 @@ static enum error_code run_options_read_channel(const char *text, struct run_slc
     enum error_code code = ERROR_NONE;
 
     if (at == GATEWAY_SLCAN || length == 0 || length >= sizeof slcan->bus[at] || !*where) {
-        return error_set(
-            error, ERROR_INPUT,
-            "--slcan: found \"%.100s\", expected BUS=PATH or BUS=tcp:[HOST:]PORT, as in "
-            "can1=/tmp/slcan1, at most %d times",
-            text, GATEWAY_SLCAN);
+        return error_set(error, ERROR_INPUT,
+                         "--slcan: found \"%.100s\", expected BUS=PATH or BUS=tcp:[HOST:]PORT, as "
+                         "in can1=/tmp/slcan1, at most %d times",
+                         text, GATEWAY_SLCAN);
     }
     snprintf(slcan->bus[at], sizeof slcan->bus[at], "%.*s", (int)length, text);
     *channel = (struct gateway_slcan){.bus = slcan->bus[at]};

@@ -25,14 +25,13 @@ static void sweep_write_table(struct report *report, const struct sweep_point *p
     const char *in = point->by_angle ? "rad" : "V";
 
     /* Columns and units depend on the input of the drive: an angle or a voltage */
-    report_table(report, "sweep", "Responses of the drive, a unit of what drives it.",
-                 point->by_angle
-                     ? "frequency_hz|input_rad|link_rad_per_rad|link_deg|link_coherence|"
-                       "rotor_rad_per_rad|rotor_deg|rotor_coherence|torque_nm_per_rad|torque_deg|"
-                       "torque_coherence"
-                     : "frequency_hz|input_v|link_rad_per_v|link_deg|link_coherence|"
-                       "rotor_rad_per_v|rotor_deg|rotor_coherence|torque_nm_per_v|torque_deg|"
-                       "torque_coherence");
+    report_table(
+        report, "sweep", "Responses of the drive, a unit of what drives it.",
+        point->by_angle
+            ? "frequency_hz|input_rad|link_rad_per_rad|link_deg|link_coherence|rotor_rad_per_rad|"
+              "rotor_deg|rotor_coherence|torque_nm_per_rad|torque_deg|torque_coherence"
+            : "frequency_hz|input_v|link_rad_per_v|link_deg|link_coherence|rotor_rad_per_v|rotor_"
+              "deg|rotor_coherence|torque_nm_per_v|torque_deg|torque_coherence");
     for (size_t i = 0; i < count; i++) {
         char cell[SWEEP_RESPONSES][96];
 

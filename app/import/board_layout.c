@@ -277,11 +277,10 @@ static enum error_code bus_number_boards(const struct robot *robot, const struct
 
         for (size_t k = 0; k < bus->njoint; k++) {
             if ((int)bus->joint[k] == joint && bus_has_address(bus, given)) {
-                return error_set(
-                    error, ERROR_INPUT,
-                    "--address: found %u twice on the bus of joint \"%.63s\", expected "
-                    "addresses of their own",
-                    given, robot->joint[joint].name);
+                return error_set(error, ERROR_INPUT,
+                                 "--address: found %u twice on the bus of joint \"%.63s\", "
+                                 "expected addresses of their own",
+                                 given, robot->joint[joint].name);
             }
             bus->address[k] = (int)bus->joint[k] == joint ? given : bus->address[k];
         }
@@ -311,11 +310,10 @@ enum error_code import_plan_begin(const struct robot *robot, const struct import
     for (size_t i = 0; i < boards->naddress; i++) {
         if (plan->bench->board_axes > 1 ||
             address_read(boards->address[i], robot, boards->address_max, &unused) < 0) {
-            return error_set(
-                error, ERROR_INPUT,
-                "--address: found \"%.80s\", expected JOINT=NUMBER with a joint of the "
-                "robot and 1 to %u, and a protocol of one board a joint",
-                boards->address[i], boards->address_max);
+            return error_set(error, ERROR_INPUT,
+                             "--address: found \"%.80s\", expected JOINT=NUMBER with a joint of "
+                             "the robot and 1 to %u, and a protocol of one board a joint",
+                             boards->address[i], boards->address_max);
         }
     }
     return ERROR_NONE;

@@ -58,11 +58,10 @@ static enum error_code drive_pick_locate(struct drive_pick *pick, struct arena *
         slash = strrchr(whole, '/');
         name = slash ? slash + 1 : whole;
         if (!text_is_name(name)) {
-            return error_set(
-                error, ERROR_INPUT,
-                "--drive: found \"%.200s\", expected letters, digits and _ - . only in "
-                "the name of a drive's file",
-                name);
+            return error_set(error, ERROR_INPUT,
+                             "--drive: found \"%.200s\", expected letters, digits and _ - . only "
+                             "in the name of a drive's file",
+                             name);
         }
         *path = pick->copy = arena_strdup(arena, whole);
         pick->file = drive_name_own(name, arena);

@@ -123,11 +123,10 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
 
     /* The strength must hold the joint in the robot's poses, with a reserve to move */
     if (*strength < CARRY_TIMES * bears) {
-        import_note_add(
-            notes, IMPORT_ASSUMED, file, source->line,
-            "joint \"%.63s\" is as strong as %.3g N m: it bears %.3g N m in a pose, and "
-            "with %.3g it could not move",
-            source->name, CARRY_TIMES * bears, bears, *strength);
+        import_note_add(notes, IMPORT_ASSUMED, file, source->line,
+                        "joint \"%.63s\" is as strong as %.3g N m: it bears %.3g N m in a pose, "
+                        "and with %.3g it could not move",
+                        source->name, CARRY_TIMES * bears, bears, *strength);
         *strength = CARRY_TIMES * bears;
     }
 
@@ -293,8 +292,7 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
             if (joint->type == JOINT_REVOLUTE && !(source->stiffness > 0.0)) {
                 import_note_add(
                     notes, IMPORT_CHANGED, source->file, source->line,
-                    "joint \"%.63s\" has no actuator: it turns freely; --drive gives it "
-                    "a drive",
+                    "joint \"%.63s\" has no actuator: it turns freely; --drive gives it a drive",
                     source->name);
             }
             continue;
@@ -304,13 +302,12 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
             continue;
         }
         drive_assume(source, strength[j], speed[j], *supply_v, joint);
-        import_note_add(
-            notes, IMPORT_ASSUMED, source->file, source->line,
-            "drive of joint \"%.63s\": J %.3g kg m2%s, Ks %.3g N m/rad, N Kt %.3g N m/A, "
-            "R %.3g ohm, gear %g%s",
-            source->name, joint->sea.J, source->armature > 0.0 ? " (the file's)" : "",
-            joint->sea.Ks, joint->sea.Kt, joint->sea.R, joint->sea.N,
-            source->gear > 0.0 ? " (the file's)" : "");
+        import_note_add(notes, IMPORT_ASSUMED, source->file, source->line,
+                        "drive of joint \"%.63s\": J %.3g kg m2%s, Ks %.3g N m/rad, N Kt %.3g N "
+                        "m/A, R %.3g ohm, gear %g%s",
+                        source->name, joint->sea.J, source->armature > 0.0 ? " (the file's)" : "",
+                        joint->sea.Ks, joint->sea.Kt, joint->sea.R, joint->sea.N,
+                        source->gear > 0.0 ? " (the file's)" : "");
     }
 
     /* Limit the strength of a follower to what its leader can transmit */

@@ -62,11 +62,10 @@ static enum error_code import_read_model(const struct xml_file *file,
                                          struct import_notes *notes, struct error *error)
 {
     if (xml_is(file->root, "sdf") || xml_is(file->root, "COLLADA")) {
-        return import_error(
-            error, file->name, xml_line(file->root),
-            "found <%.40s>, expected <robot> of a URDF or <mujoco>; `gz sdf` and sdformat tools "
-            "convert SDF",
-            (const char *)file->root->name);
+        return import_error(error, file->name, xml_line(file->root),
+                            "found <%.40s>, expected <robot> of a URDF or <mujoco>; `gz sdf` and "
+                            "sdformat tools convert SDF",
+                            (const char *)file->root->name);
     }
     return xml_is(file->root, "mujoco") ? mjcf_read(file, packages, arena, model, notes, error)
                                         : urdf_read(file, arena, model, notes, error);
@@ -168,13 +167,12 @@ static enum error_code import_check_new(const struct importer *m, const char *pa
 {
     struct stat status;
 
-    return lstat(path, &status)
-               ? ERROR_NONE
-               : error_set(m->error, ERROR_INPUT,
-                           "%.200s: found it there already, perhaps with changes of yours, "
-                           "expected no such file: give --force to write over what an import "
-                           "made, or another --output",
-                           path);
+    return lstat(path, &status) ? ERROR_NONE
+                                : error_set(m->error, ERROR_INPUT,
+                                            "%.200s: found it there already, perhaps with changes "
+                                            "of yours, expected no such file: give --force to "
+                                            "write over what an import made, or another --output",
+                                            path);
 }
 
 /* Lists the user's own files to copy: the protocol and the drives. */
@@ -503,9 +501,8 @@ static enum error_code import_write_bench(struct importer *m)
         if (gains[j].short_of > 0.0) {
             import_note_add(
                 &m->result->notes, IMPORT_DOUBTED, source->file, source->line,
-                "joint \"%.63s\": its loop has %.2g of the stiffness that keeps it from "
-                "tipping with a margin of 1.5; inertia, rotor and the delay of the buses "
-                "allow no more",
+                "joint \"%.63s\": its loop has %.2g of the stiffness that keeps it from tipping "
+                "with a margin of 1.5; inertia, rotor and the delay of the buses allow no more",
                 source->name, gains[j].short_of);
         }
     }

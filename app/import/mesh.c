@@ -101,11 +101,10 @@ enum import_path import_find_mesh(const struct import_model *model,
         where = import_resolve_path(folder, folder, name, packages->trust, path);
     }
     if (where == IMPORT_PATH_OUTSIDE) {
-        import_error(
-            error, shape->file, shape->line,
-            "found mesh \"%.200s\", which is outside the folder of %.200s, expected one in "
-            "it: give --trust if you trust whoever wrote it",
-            shape->mesh, model->file);
+        import_error(error, shape->file, shape->line,
+                     "found mesh \"%.200s\", which is outside the folder of %.200s, expected one "
+                     "in it: give --trust if you trust whoever wrote it",
+                     shape->mesh, model->file);
     } else if (where == IMPORT_PATH_MISSING) {
         import_error(error, shape->file, shape->line, "found no file for mesh \"%.200s\"%s",
                      shape->mesh,

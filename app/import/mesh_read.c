@@ -312,11 +312,10 @@ static void mesh_read_faces(struct mesh_reader *r)
     } else if (!strcasecmp(ending, "dae")) {
         mesh_read_collada(r);
     } else {
-        error_set(
-            r->error, ERROR_INPUT,
-            "%.200s: found a mesh of type \"%.20s\", expected stl, obj or dae; `assimp export "
-            "FILE.%.20s FILE.stl` (Debian package assimp-utils) converts it",
-            r->name, ending, ending);
+        error_set(r->error, ERROR_INPUT,
+                  "%.200s: found a mesh of type \"%.20s\", expected stl, obj or dae; `assimp "
+                  "export FILE.%.20s FILE.stl` (Debian package assimp-utils) converts it",
+                  r->name, ending, ending);
     }
 }
 

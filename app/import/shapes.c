@@ -153,11 +153,10 @@ static bool shape_fit_mesh(const struct import_builder *b, const struct import_g
         import_note_add(b->notes, IMPORT_DROPPED, shape->file, shape->line, "%.400s", why.text);
     } else {
         ++*b->written;
-        import_note_add(
-            b->notes, IMPORT_SHAPED, shape->file, shape->line,
-            "collision mesh \"%.150s\" is meshes/%s.obj (%zu faces, %s), and the capsule "
-            "that holds it",
-            shape->mesh, capsule->name, mesh.nface, mesh_judge(&mesh));
+        import_note_add(b->notes, IMPORT_SHAPED, shape->file, shape->line,
+                        "collision mesh \"%.150s\" is meshes/%s.obj (%zu faces, %s), and the "
+                        "capsule that holds it",
+                        shape->mesh, capsule->name, mesh.nface, mesh_judge(&mesh));
         fitted = true;
     }
     arena_fini(&scratch);

@@ -177,11 +177,10 @@ static void simplify_check_inertia(struct simplifier *r, const struct import_lin
     inertia->I[5] = moment[2];
     mat3_transpose(V, back);
     sym3_rotate(back, inertia->I);
-    import_note_add(
-        r->notes, IMPORT_CHANGED, link->file, line,
-        "inertia of link \"%.63s\" with what is fixed to it has now the moments %g, %g, "
-        "%g kg m2: %s",
-        link->name, moment[0], moment[1], moment[2], why.text);
+    import_note_add(r->notes, IMPORT_CHANGED, link->file, line,
+                    "inertia of link \"%.63s\" with what is fixed to it has now the moments %g, "
+                    "%g, %g kg m2: %s",
+                    link->name, moment[0], moment[1], moment[2], why.text);
     if (robot_check_inertia(inertia, &again)) {
         import_error(r->error, link->file, link->line,
                      "found an inertia of link \"%.63s\" that cannot be repaired", link->name);

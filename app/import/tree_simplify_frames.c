@@ -88,11 +88,10 @@ static void simplify_add_ft(struct simplifier *r, const struct import_sensor *se
     struct import_place back;
 
     if (!sensor_sum_distal(r, link, &below)) {
-        import_note_add(
-            r->notes, IMPORT_DROPPED, sensor->file, sensor->line,
-            "force-torque sensor \"%.63s\" in joint \"%.63s\": joints move below it, and "
-            "sensors here are at the end of a limb",
-            sensor->name, sensor->joint);
+        import_note_add(r->notes, IMPORT_DROPPED, sensor->file, sensor->line,
+                        "force-torque sensor \"%.63s\" in joint \"%.63s\": joints move below it, "
+                        "and sensors here are at the end of a limb",
+                        sensor->name, sensor->joint);
         return;
     }
     ft->name = simplify_name(r, sensor->file, sensor->line, "sensor",

@@ -44,11 +44,10 @@ void simplify_find_root(struct simplifier *r)
 
         /* A second root means that the trees are separate */
         if (r->above[i] < 0 && r->root >= 0) {
-            import_error(
-                r->error, link->file, link->line,
-                "found link \"%.63s\" on no joint beside \"%.63s\" (line %d), expected one "
-                "tree: join the two, or import them one by one",
-                link->name, model->link[r->root].name, model->link[r->root].line);
+            import_error(r->error, link->file, link->line,
+                         "found link \"%.63s\" on no joint beside \"%.63s\" (line %d), expected "
+                         "one tree: join the two, or import them one by one",
+                         link->name, model->link[r->root].name, model->link[r->root].line);
         }
         r->root = r->above[i] < 0 ? (int)i : r->root;
     }

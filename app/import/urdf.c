@@ -439,11 +439,10 @@ static void sensor_turn(const struct import_reader *r, const xmlNode *force_torq
         mat3_identity(sensor->place.R);
     }
     if (!strncmp(sensor_word(force_torque, "measure_direction"), "parent_to_child", 15)) {
-        reader_note(
-            r, IMPORT_CHANGED, force_torque,
-            "force-torque sensor \"%.63s\" measures what the child exerts on the parent: its "
-            "signs are opposite to the file's",
-            sensor->name);
+        reader_note(r, IMPORT_CHANGED, force_torque,
+                    "force-torque sensor \"%.63s\" measures what the child exerts on the parent: "
+                    "its signs are opposite to the file's",
+                    sensor->name);
     }
 }
 

@@ -448,9 +448,8 @@ enum error_code svg_write_panels(const struct svg_plot *panel, size_t npanel, FI
     fprintf(out, " viewBox=\"0 0 %d %d\" font-family=\"sans-serif\" font-size=\"12\">\n", width,
             height);
     if (!panel->part) {
-        fputs("<style>.grid{stroke:#ddd;fill:none}.axis{stroke:#000;fill:none}"
-              ".line{stroke-width:1.5;fill:none;stroke-linejoin:round}.title{font-size:15px}"
-              "</style>\n",
+        fputs("<style>.grid{stroke:#ddd;fill:none}.axis{stroke:#000;fill:none}.line{stroke-width:1."
+              "5;fill:none;stroke-linejoin:round}.title{font-size:15px}</style>\n",
               out);
     }
     fprintf(out, "<rect%s width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",

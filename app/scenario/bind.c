@@ -48,9 +48,8 @@ static enum error_code bind_stimulus(struct scenario_stimulus *stimulus, const s
 
     if (stimulus->every_s > 0.0 && stimulus->every_s <= tick_s * (1.0 - 1e-9)) {
         return yaml_error(error, &stimulus->mark,
-                          "found every_s %g, expected the tick of %g s or "
-                          "more",
-                          stimulus->every_s, tick_s);
+                          "found every_s %g, expected the tick of %g s or more", stimulus->every_s,
+                          tick_s);
     }
     switch (stimulus->action) {
     case SCENARIO_FRAME:

@@ -43,8 +43,7 @@ static enum error_code parse_bytes(const char *text, const struct yaml_mark *mar
     }
     if (digits % 2) {
         return yaml_error(error, mark,
-                          "found data \"%.60s\" with an odd number of digits, expected two "
-                          "a byte",
+                          "found data \"%.60s\" with an odd number of digits, expected two a byte",
                           text);
     }
     *len = (uint8_t)(digits / 2);
@@ -120,11 +119,10 @@ static enum error_code check_stimulus(const struct scenario *scenario,
         stimulus->action = does[i] ? (enum scenario_action)i : stimulus->action;
     }
     if (kinds > 1 || (kinds == 0 && !stimulus->label)) {
-        return yaml_error(
-            error, &stimulus->mark,
-            "found %d actions, expected one of frame, voltage, motor, push, fault and "
-            "silence, or a label alone",
-            kinds);
+        return yaml_error(error, &stimulus->mark,
+                          "found %d actions, expected one of frame, voltage, motor, push, fault "
+                          "and silence, or a label alone",
+                          kinds);
     }
 
     /* Refuse keys that the action does not have */
@@ -269,13 +267,11 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
     of_signal = e->look == SCENARIO_BETWEEN || e->look == SCENARIO_REACHES;
     if (!!e->signal + !!e->frame.bus + !!e->event != 1 || how > 1 || !!e->signal != of_signal ||
         (e->relative && !e->signal) || (e->look == SCENARIO_PERIOD && !e->frame.bus)) {
-        return yaml_error(
-            error, &e->mark,
-            "found expectation \"%.60s\" of no known form, expected signal with between or "
-            "reaches; "
-            "frame with nothing more, never, count or period_s; or event with nothing more, never "
-            "or count",
-            e->name);
+        return yaml_error(error, &e->mark,
+                          "found expectation \"%.60s\" of no known form, expected signal with "
+                          "between or reaches; frame with nothing more, never, count or period_s; "
+                          "or event with nothing more, never or count",
+                          e->name);
     }
     if (!(e->band[0] <= e->band[1])) {
         return yaml_error(error, &e->mark, "found the band [%g, %g], expected the lower end first",

@@ -117,21 +117,19 @@ static enum error_code check_parameters(const struct parameters *given, size_t *
         const struct scenario_parameter *parameter = &given->parameter[i];
 
         if (!text_is_name(parameter->name) || (parameter->nvalue > 0) == (parameter->nword > 0)) {
-            return yaml_error(
-                error, &parameter->mark,
-                "found parameter \"%.40s\" with %zu values and %zu words, expected a plain name "
-                "and at least one value, or one word",
-                parameter->name, parameter->nvalue, parameter->nword);
+            return yaml_error(error, &parameter->mark,
+                              "found parameter \"%.40s\" with %zu values and %zu words, expected a "
+                              "plain name and at least one value, or one word",
+                              parameter->name, parameter->nvalue, parameter->nword);
         }
 
         /* Check the limit before the multiplication */
         if (i >= SCENARIO_PARAMETERS_MAX ||
             parameter_values(given, i) > SCENARIO_CASES_MAX / *cases) {
-            return yaml_error(
-                error, &parameter->mark,
-                "found too many parameters or values, expected at most %d parameters and "
-                "%d combinations",
-                SCENARIO_PARAMETERS_MAX, SCENARIO_CASES_MAX);
+            return yaml_error(error, &parameter->mark,
+                              "found too many parameters or values, expected at most %d parameters "
+                              "and %d combinations",
+                              SCENARIO_PARAMETERS_MAX, SCENARIO_CASES_MAX);
         }
         if (check_words(parameter, error)) {
             return ERROR_INPUT;

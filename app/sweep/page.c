@@ -127,15 +127,14 @@ static void page_put_share(const struct page *page, const char *label, size_t pa
     plan_wilson_interval(passed, count, &low, &high);
     fputs("<tr><td>", page->out);
     markup_put(page->out, label);
-    fprintf(
-        page->out,
-        "</td><td>%zu of %zu</td><td>%.1f %%</td><td>%.1f to %.1f %%</td><td><svg width=\"200\" "
-        "height=\"12\"><rect width=\"200\" height=\"12\" fill=\"#eee\"/><rect x=\"%.1f\" "
-        "width=\"%.1f\" height=\"12\" fill=\"#9bd\"/><rect x=\"%.1f\" width=\"2\" "
-        "height=\"12\"/></svg></td></tr>\n",
-        passed, count, count ? 100.0 * (double)passed / (double)count : 0.0, 100.0 * low,
-        100.0 * high, 200.0 * low, 200.0 * (high - low),
-        count ? 199.0 * (double)passed / (double)count : 0.0);
+    fprintf(page->out,
+            "</td><td>%zu of %zu</td><td>%.1f %%</td><td>%.1f to %.1f %%</td><td><svg "
+            "width=\"200\" height=\"12\"><rect width=\"200\" height=\"12\" fill=\"#eee\"/><rect "
+            "x=\"%.1f\" width=\"%.1f\" height=\"12\" fill=\"#9bd\"/><rect x=\"%.1f\" width=\"2\" "
+            "height=\"12\"/></svg></td></tr>\n",
+            passed, count, count ? 100.0 * (double)passed / (double)count : 0.0, 100.0 * low,
+            100.0 * high, 200.0 * low, 200.0 * (high - low),
+            count ? 199.0 * (double)passed / (double)count : 0.0);
 }
 
 /* ---- the map ---- */
@@ -185,18 +184,17 @@ static void page_put_map(const struct page *page)
     }
     x = &page->parameter[axis[0]];
     y = &page->parameter[axis[1]];
-    fprintf(
-        page->out,
-        "<h2>Map</h2>\n<p>Every case by the two parameters that matter most: passed green, "
-        "failed red, broken black. %s from %.4g (left) to %.4g, %s from %.4g (bottom) to "
-        "%.4g.</p>\n<svg width=\"%d\" height=\"%d\" viewBox=\"-10 -10 %d %d\"><rect width=\"%d\" "
-        "height=\"%d\" fill=\"none\" stroke=\"#888\"/>\n",
-        x->name, x->low, x->high, y->name, y->low, y->high, MAP_SIDE + 20, MAP_SIDE + 20,
-        MAP_SIDE + 20, MAP_SIDE + 20, MAP_SIDE, MAP_SIDE);
+    fprintf(page->out,
+            "<h2>Map</h2>\n<p>Every case by the two parameters that matter most: passed green, "
+            "failed red, broken black. %s from %.4g (left) to %.4g, %s from %.4g (bottom) to "
+            "%.4g.</p>\n<svg width=\"%d\" height=\"%d\" viewBox=\"-10 -10 %d %d\"><rect "
+            "width=\"%d\" height=\"%d\" fill=\"none\" stroke=\"#888\"/>\n",
+            x->name, x->low, x->high, y->name, y->low, y->high, MAP_SIDE + 20, MAP_SIDE + 20,
+            MAP_SIDE + 20, MAP_SIDE + 20, MAP_SIDE, MAP_SIDE);
     for (size_t i = 0; i < page->plan->ncase; i++) {
         fprintf(page->out,
-                "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3\" fill=\"%s\" fill-opacity=\"0.6\">"
-                "<title>case %zu</title></circle>\n",
+                "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3\" fill=\"%s\" "
+                "fill-opacity=\"0.6\"><title>case %zu</title></circle>\n",
                 page_place(x, &page->plan->list[i]), MAP_SIDE - page_place(y, &page->plan->list[i]),
                 color[page->result[i].status], i + 1);
     }
@@ -239,11 +237,10 @@ static enum error_code page_put_worst(const struct page *page, struct error *err
     }
     qsort(sorted, count, sizeof *sorted, page_compare_results);
     fputs("<h2>Worst cases</h2>\n<p>The first to fail, then those that came nearest to a bound "
-          "(margin: "
-          "the least distance from it, as a share of the room between two). The command repeats a "
-          "case, compares, and leaves a recording of one that fails.</p>\n<table><tr><th>case</th>"
-          "<th>verdict</th><th>failed at</th><th>margin</th><th>values</th><th>what</th>"
-          "<th>command</th></tr>\n",
+          "(margin: the least distance from it, as a share of the room between two). The command "
+          "repeats a case, compares, and leaves a recording of one that "
+          "fails.</p>\n<table><tr><th>case</th><th>verdict</th><th>failed "
+          "at</th><th>margin</th><th>values</th><th>what</th><th>command</th></tr>\n",
           page->out);
 
     /* One row per case; times and margins may be missing */

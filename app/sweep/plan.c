@@ -396,9 +396,8 @@ static enum error_code plan_unexpected(const char *path, size_t line, const char
                                        struct error *error)
 {
     return error_set(error, ERROR_INPUT,
-                     "%.200s:%zu: found no %s, expected a plan as test --plan "
-                     "writes it",
-                     path, line, what);
+                     "%.200s:%zu: found no %s, expected a plan as test --plan writes it", path,
+                     line, what);
 }
 
 enum error_code plan_newer(const char *path, struct error *error)

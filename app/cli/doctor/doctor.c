@@ -660,9 +660,8 @@ static void examine_external(struct doctor *d)
         if (board->external && config->port[board->bus]) {
             const int64_t heard_ns = external_heard_ns(external, i);
             const int64_t now_ns = now - start;
-            static const char fix[] =
-                "switch it on, check cable and address; one that sends when it is "
-                "told to needs its controller";
+            static const char fix[] = "switch it on, check cable and address; one that sends when "
+                                      "it is told to needs its controller";
             const char *interface = d->rig->bus[board->bus].interface;
             const double age_ms = 1e-6 * (double)(now_ns - heard_ns);
 
