@@ -352,31 +352,6 @@ static int path_lowest_level(const char *reference)
     return lowest;
 }
 
-/* Removes "." and "name/.." from a path, for readable messages. Does not access the file system. */
-static void path_normalize(char *path)
-{
-    char *out = path;
-
-    for (const char *part = path; *part;) {
-        size_t n = strcspn(part, "/"), slash = part[n] == '/';
-        /* start of the last component, without the slash before it */
-        char *last = out > path ? out - 1 : out;
-        bool up = n == 2 && part[0] == '.' && part[1] == '.';
-
-        while (last > path && last[-1] != '/') {
-            last--;
-        }
-        if (up && out > path && *last != '/' && strncmp(last, "../", 3) != 0) {
-            out = last;
-        } else if (!(n == 1 && part[0] == '.') && (n > 0 || out == path)) {
-            memmove(out, part, n + slash);
-            out += n + slash;
-        }
-        part += n + slash;
-    }
-    *out = '\0';
-}
-
 enum error_code yaml_resolve_path(const struct yaml_mark *mark, const char *reference,
                                   struct arena *arena, const char **path, struct error *error)
 {
@@ -407,7 +382,29 @@ enum error_code yaml_resolve_path(const struct yaml_mark *mark, const char *refe
         return error_set(error, ERROR_MEMORY, "%.200s: no memory left", mark->file);
     }
     snprintf(joined, size, "%.*s%s", (int)directory, mark->file, reference);
-    path_normalize(joined);
+
+    /* Remove "." and "name/.." from the path, for readable messages. Do not access the file
+     * system. */
+    char *out = joined;
+
+    for (const char *part = joined; *part;) {
+        size_t n = strcspn(part, "/"), more = part[n] == '/';
+        /* start of the last component, without the slash before it */
+        char *last = out > joined ? out - 1 : out;
+        bool up = n == 2 && part[0] == '.' && part[1] == '.';
+
+        while (last > joined && last[-1] != '/') {
+            last--;
+        }
+        if (up && out > joined && *last != '/' && strncmp(last, "../", 3) != 0) {
+            out = last;
+        } else if (!(n == 1 && part[0] == '.') && (n > 0 || out == joined)) {
+            memmove(out, part, n + more);
+            out += n + more;
+        }
+        part += n + more;
+    }
+    *out = '\0';
     *path = joined;
     return ERROR_NONE;
 }

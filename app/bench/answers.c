@@ -175,25 +175,6 @@ static void answer_measure_bare(const char *way, int near, int far, size_t count
     close(far);
 }
 
-/* Measures two bare sockets over TCP, and over vcan if there is an interface. */
-static void answer_measure_all_bare(size_t count)
-{
-    struct sockaddr_in address = {.sin_family = AF_INET, .sin_addr = {htonl(INADDR_LOOPBACK)}};
-    socklen_t size = sizeof address;
-    const int one = 1, listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-
-    if (!bind(listener, (struct sockaddr *)&address, size) && !listen(listener, 1) &&
-        !getsockname(listener, (struct sockaddr *)&address, &size)) {
-        const int near = answer_connect(ntohs(address.sin_port));
-        const int far = accept4(listener, NULL, NULL, SOCK_CLOEXEC);
-
-        setsockopt(far, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
-        answer_measure_bare("TCP", near, far, count);
-    }
-    close(listener);
-    answer_measure_bare("vcan", answer_open_can("can1"), answer_open_can("can1"), count);
-}
-
 /* ---- the simulator ---- */
 
 /* A running simulator: its process, folder and the port of its gateway. */
@@ -315,22 +296,6 @@ static void answer_measure_text(const struct answer_case *of, struct answer_run 
     close(channel.fd);
 }
 
-/* Measures a request on vcan. */
-static void answer_measure_vcan(const struct answer_case *of, size_t count)
-{
-    const uint8_t flags = of->request.flags;
-    struct canfd_frame request = {.can_id = of->request.id, .len = of->request.len};
-    const struct answer_channel channel = {answer_open_can("can1"), &request, &of->answer_id,
-                                           flags & FRAME_FD ? CANFD_MTU : CAN_MTU,
-                                           sizeof of->answer_id};
-
-    request.can_id |=
-        (flags & FRAME_EXTENDED ? CAN_EFF_FLAG : 0) | (flags & FRAME_REMOTE ? CAN_RTR_FLAG : 0);
-    memcpy(request.data, of->request.data, sizeof request.data);
-    answer_measure(of->name, "vcan", &channel, count);
-    close(channel.fd);
-}
-
 enum error_code bench_answers(const char *program, size_t count, struct error *error)
 {
     const int can = answer_open_can("can1");
@@ -339,7 +304,22 @@ enum error_code bench_answers(const char *program, size_t count, struct error *e
     close(can);
     printf("  answers, us                 count       p50       p90       p99     p99.9       max"
            "   lost\n");
-    answer_measure_all_bare(count);
+
+    /* Measure two bare sockets over TCP, and over vcan if there is an interface */
+    struct sockaddr_in address = {.sin_family = AF_INET, .sin_addr = {htonl(INADDR_LOOPBACK)}};
+    socklen_t size = sizeof address;
+    const int one = 1, listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+
+    if (!bind(listener, (struct sockaddr *)&address, size) && !listen(listener, 1) &&
+        !getsockname(listener, (struct sockaddr *)&address, &size)) {
+        const int near = answer_connect(ntohs(address.sin_port));
+        const int far = accept4(listener, NULL, NULL, SOCK_CLOEXEC);
+
+        setsockopt(far, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
+        answer_measure_bare("TCP", near, far, count);
+    }
+    close(listener);
+    answer_measure_bare("vcan", answer_open_can("can1"), answer_open_can("can1"), count);
     for (size_t i = 0; i < 2 * ARRAY_COUNT(answer_cases) && !code; i++) {
         const struct answer_case *of = &answer_cases[i / 2];
         const bool vcan = i % 2;
@@ -350,7 +330,18 @@ enum error_code bench_answers(const char *program, size_t count, struct error *e
         }
         code = answer_start(program, of->rig, vcan, &run, error);
         if (!code && vcan) {
-            answer_measure_vcan(of, count);
+            /* Measure the request on vcan */
+            const uint8_t flags = of->request.flags;
+            struct canfd_frame request = {.can_id = of->request.id, .len = of->request.len};
+            const struct answer_channel channel = {
+                answer_open_can("can1"), &request, &of->answer_id,
+                flags & FRAME_FD ? CANFD_MTU : CAN_MTU, sizeof of->answer_id};
+
+            request.can_id |= (flags & FRAME_EXTENDED ? CAN_EFF_FLAG : 0) |
+                              (flags & FRAME_REMOTE ? CAN_RTR_FLAG : 0);
+            memcpy(request.data, of->request.data, sizeof request.data);
+            answer_measure(of->name, "vcan", &channel, count);
+            close(channel.fd);
         } else if (!code) {
             answer_measure_text(of, &run, count);
         }

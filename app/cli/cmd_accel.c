@@ -83,22 +83,6 @@ static enum error_code accel_normalize_quaternion(double *quaternion, long line,
     return ERROR_NONE;
 }
 
-/* Refuses a word that is not a finite number; the error names the expected quantity. */
-static enum error_code accel_refuse_word(const struct reader *r, char *word,
-                                         const struct robot *robot, size_t count,
-                                         struct error *error)
-{
-    char found[64], expected[256], name[128];
-
-    for (char *c = word; *c; c++) {
-        *c = *c < 0x20 || *c > 0x7e ? '?' : *c;
-    }
-    snprintf(found, sizeof found, "\"%.*s%s\"", SHOWN, word, strlen(word) > SHOWN ? "..." : "");
-    accel_describe_number(robot, count, name, sizeof name);
-    snprintf(expected, sizeof expected, "a finite number: %s", name);
-    return accel_refuse(r, found, expected, error);
-}
-
 /* Reads the numbers of a line; *count is 0 for a blank line and for a comment. */
 static enum error_code accel_read_numbers(struct reader *r, const struct robot *robot,
                                           double *value, size_t wanted, size_t *count,
@@ -120,7 +104,17 @@ static enum error_code accel_read_numbers(struct reader *r, const struct robot *
         }
         *end = '\0';
         if (!text_to_double(word, &value[*count])) {
-            return accel_refuse_word(r, word, robot, *count, error);
+            /* Refuse a word that is not a finite number; the error names the expected quantity */
+            char found[64], expected[256], name[128];
+
+            for (char *c = word; *c; c++) {
+                *c = *c < 0x20 || *c > 0x7e ? '?' : *c;
+            }
+            snprintf(found, sizeof found, "\"%.*s%s\"", SHOWN, word,
+                     strlen(word) > SHOWN ? "..." : "");
+            accel_describe_number(robot, *count, name, sizeof name);
+            snprintf(expected, sizeof expected, "a finite number: %s", name);
+            return accel_refuse(r, found, expected, error);
         }
         *end = after;
         quaternion_column = *count == 3 ? r->column : quaternion_column;

@@ -50,21 +50,6 @@ static int run_exit_status(const struct simulator *simulator, enum loop_end end)
     return STATUS_OK;
 }
 
-/* Closes the gateway and prints its counters. */
-static void print_gateway(struct simulator *simulator)
-{
-    struct gateway_counters counters;
-
-    if (simulator_close_gateway(simulator, &counters)) {
-        printf("gateway: %" PRIu64 " clients, %" PRIu64 " refused, %" PRIu64
-               " disconnected; %" PRIu64 " frames to the buses, %" PRIu64
-               " rejected by them, %" PRIu64 " to clients\n",
-               counters.clients, counters.refused,
-               counters.cut_slow + counters.cut_junk + counters.cut_silent, counters.to_bus,
-               counters.not_taken, counters.to_client);
-    }
-}
-
 /* Prints the counters of the clients. Call it after control_stop. */
 static void print_clients(const struct control *control, const struct page *page)
 {
@@ -100,7 +85,19 @@ static int run_finish(struct simulator *simulator, const struct control *control
     if (simulator_finish_recording(simulator, &summary.recorder, &error)) {
         incomplete = command_fail("run", &error);
     }
-    print_gateway(simulator);
+
+    /* Close the gateway and print its counters */
+    struct gateway_counters counters;
+
+    if (simulator_close_gateway(simulator, &counters)) {
+        printf("gateway: %" PRIu64 " clients, %" PRIu64 " refused, %" PRIu64
+               " disconnected; %" PRIu64 " frames to the buses, %" PRIu64
+               " rejected by them, %" PRIu64 " to clients\n",
+               counters.clients, counters.refused,
+               counters.cut_slow + counters.cut_junk + counters.cut_silent, counters.to_bus,
+               counters.not_taken, counters.to_client);
+    }
+
     if (page) {
         print_clients(control, page);
     }

@@ -457,26 +457,6 @@ static int test_run_scenarios(const struct test_options *options)
     return status;
 }
 
-/* Runs one of the commands about plans; refuses options that are not for it. */
-static int test_run_plan(const struct test_options *options)
-{
-    struct error error;
-
-    if (options->plan + (options->cases != NULL) + options->merge > 1 || options->file[1] ||
-        options->mutate || options->list || options->junit || options->program ||
-        options->to_the_end || options->seed >= 0 || (options->jobs && !options->cases) ||
-        (options->merge && options->output)) {
-        error_set(&error, ERROR_INPUT,
-                  "found options that do not belong together, expected --plan SWEEP --output PLAN, "
-                  "--case CASES PLAN or --merge PLAN");
-        return command_fail("test", &error);
-    }
-    return options->plan    ? test_plan_sweep(options->file[0], options->output)
-           : options->cases ? test_plan_cases(options->file[0], options->cases,
-                                              test_parallel(options), options->output)
-                            : test_plan_merge(options->file[0]);
-}
-
 int cmd_test(int argc, char **argv)
 {
     struct test_options options;
@@ -486,7 +466,23 @@ int cmd_test(int argc, char **argv)
         return status;
     }
     if (options.plan || options.cases || options.merge) {
-        status = test_run_plan(&options);
+        /* Run one of the commands about plans; refuse options that are not for it */
+        struct error error;
+
+        if (options.plan + (options.cases != NULL) + options.merge > 1 || options.file[1] ||
+            options.mutate || options.list || options.junit || options.program ||
+            options.to_the_end || options.seed >= 0 || (options.jobs && !options.cases) ||
+            (options.merge && options.output)) {
+            error_set(
+                &error, ERROR_INPUT,
+                "found options that do not belong together, expected --plan SWEEP --output PLAN, "
+                "--case CASES PLAN or --merge PLAN");
+            return command_fail("test", &error);
+        }
+        status = options.plan    ? test_plan_sweep(options.file[0], options.output)
+                 : options.cases ? test_plan_cases(options.file[0], options.cases,
+                                                   test_parallel(&options), options.output)
+                                 : test_plan_merge(options.file[0]);
     } else {
         status = test_run_scenarios(&options);
     }

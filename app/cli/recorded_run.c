@@ -77,20 +77,6 @@ static FILE *recorded_run_open(const char *directory, const char *name)
                                                                                              : NULL;
 }
 
-/* Reads the number of ticks and the state hash of a summary. */
-static void recorded_run_read_summary(FILE *file, struct recorded_run *run)
-{
-    json_t *summary = json_loadf(file, JSON_REJECT_DUPLICATES, NULL);
-    const char *hash = json_string_value(json_object_get(summary, "state_hash"));
-    json_int_t ticks = json_integer_value(json_object_get(summary, "ticks"));
-
-    if (hash && strlen(hash) < sizeof run->state_hash && ticks > 0 && ticks <= TICKS_MOST) {
-        run->ticks = (uint64_t)ticks;
-        snprintf(run->state_hash, sizeof run->state_hash, "%s", hash);
-    }
-    json_decref(summary);
-}
-
 /* Checks whether an event is a request that has changed the robot's motion: a push, a tunable, or
  * a fault switched by hand. Pauses, speeds, and connections of clients are not. */
 static bool recorded_run_is_request(const char *text)
@@ -117,7 +103,17 @@ void recorded_run_read(const char *directory, struct recorded_run *run)
 
     *run = (struct recorded_run){.ticks = 0};
     if (summary) {
-        recorded_run_read_summary(summary, run);
+        /* Read the number of ticks and the state hash of the summary */
+        json_t *root = json_loadf(summary, JSON_REJECT_DUPLICATES, NULL);
+        const char *hash = json_string_value(json_object_get(root, "state_hash"));
+        json_int_t ticks = json_integer_value(json_object_get(root, "ticks"));
+
+        if (hash && strlen(hash) < sizeof run->state_hash && ticks > 0 && ticks <= TICKS_MOST) {
+            run->ticks = (uint64_t)ticks;
+            snprintf(run->state_hash, sizeof run->state_hash, "%s", hash);
+        }
+        json_decref(root);
+
         fclose(summary);
     }
     if (events) {

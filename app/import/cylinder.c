@@ -86,33 +86,6 @@ static struct triangle triangle_fit(double stroke, double width)
     return t;
 }
 
-/* Computes the largest lever in the range, m. It equals the arm if the rod is perpendicular to the
- * arm somewhere in the range. */
-static double triangle_longest_lever(const struct triangle *t)
-{
-    const double across = acos(t->arm / t->base);
-
-    return across > t->first && across < t->last
-               ? t->arm
-               : fmax(triangle_lever(t, t->first), triangle_lever(t, t->last));
-}
-
-/* Writes a joint's triangle to its cylinder. The piston extends toward the end of the range that is
- * nearer to 0. */
-static void cylinder_take_triangle(const struct robot_joint *joint, const struct triangle *t,
-                                   struct robot_hydraulic *cylinder)
-{
-    const double shortest = triangle_length(t, t->first);
-    const double way = triangle_length(t, t->last) - shortest;
-    const bool positive = fabs(joint->upper) <= fabs(joint->lower);
-
-    cylinder->base = t->base;
-    cylinder->arm = t->arm;
-    cylinder->closed = shortest - 0.5 * (cylinder->stroke - way);
-    cylinder->offset =
-        remainder(positive ? t->first - joint->lower : -t->first - joint->upper, 2.0 * M_PI);
-}
-
 /* Fits a joint's catalogue cylinder to the joint's range. *least and *most receive its smallest and
  * largest torque at this pressure, N m. Returns an error if the range is too wide. */
 static enum error_code joint_fit_cylinder(const struct import_robot *from, size_t j,
@@ -131,7 +104,14 @@ static enum error_code joint_fit_cylinder(const struct import_robot *from, size_
     if (width < M_PI) {
         t = triangle_fit(cylinder->stroke, width);
         end = triangle_lever(&t, t.first);
-        longest = triangle_longest_lever(&t);
+
+        /* Compute the largest lever in the range, m. It equals the arm if the rod is perpendicular
+         * to the arm somewhere in the range. */
+        const double across = acos(t.arm / t.base);
+
+        longest = across > t.first && across < t.last
+                      ? t.arm
+                      : fmax(triangle_lever(&t, t.first), triangle_lever(&t, t.last));
     }
     if (end < LEVER_SHARE * longest) {
         return import_error(error, source->file, source->line,
@@ -140,7 +120,19 @@ static enum error_code joint_fit_cylinder(const struct import_robot *from, size_
                             "lever at the ends of more",
                             source->name, width, from->drive[j]->name);
     }
-    cylinder_take_triangle(joint, &t, cylinder);
+
+    /* Write the triangle to the cylinder. The piston extends toward the end of the range that
+     * is nearer to 0. */
+    const double shortest = triangle_length(&t, t.first);
+    const double way = triangle_length(&t, t.last) - shortest;
+    const bool positive = fabs(joint->upper) <= fabs(joint->lower);
+
+    cylinder->base = t.base;
+    cylinder->arm = t.arm;
+    cylinder->closed = shortest - 0.5 * (cylinder->stroke - way);
+    cylinder->offset =
+        remainder(positive ? t.first - joint->lower : -t.first - joint->upper, 2.0 * M_PI);
+
     /* The torque is smallest when the cylinder pulls at an end of the range, and largest when it
      * pushes with the largest lever */
     *least = pressure * cylinder->A2 * end;

@@ -152,27 +152,6 @@ void import_lead(const struct robot *robot, enum import_lead what, double *value
     }
 }
 
-/* Adds a note on an assumed coupling. */
-static void tell_coupling(const struct import_robot *from, const struct robot_coupling *coupling,
-                          struct import_notes *notes)
-{
-    const struct import_joint *source = from->source[coupling->follower];
-    const bool turns = from->robot->joint[coupling->follower].type == JOINT_REVOLUTE;
-    char shift[32] = "";
-
-    if (coupling->offset != 0.0) {
-        snprintf(shift, sizeof shift, " %c %.9g", coupling->offset < 0.0 ? '-' : '+',
-                 fabs(coupling->offset));
-    }
-    import_note_add(notes, IMPORT_ASSUMED, source->mimic_file, source->mimic_line,
-                    "joint \"%.63s\" follows \"%.63s\", %.9g times its position%s, through a "
-                    "coupling of %.3g %s and %.3g %s; it has no drive of its own, the file's "
-                    "effort %g and velocity %g are not used",
-                    source->name, from->source[coupling->leader]->name, coupling->multiplier, shift,
-                    coupling->stiffness, turns ? "N m/rad" : "N/m", coupling->damping,
-                    turns ? "N m s/rad" : "N s/m", source->effort, source->velocity);
-}
-
 enum error_code import_stiffen_couplings(struct import_robot *from, struct arena *arena,
                                          struct import_notes *notes, struct error *error)
 {
@@ -198,7 +177,23 @@ enum error_code import_stiffen_couplings(struct import_robot *from, struct arena
         }
         coupling->stiffness = fmin(fmax(K, STIFFNESS_LEAST), STIFFNESS_MOST);
         coupling->damping = 2.0 * sqrt(coupling->stiffness * fmax(inertia, 0.0));
-        tell_coupling(from, coupling, notes);
+
+        /* Add a note on the assumed coupling */
+        const struct import_joint *source = from->source[coupling->follower];
+        const bool turns = from->robot->joint[coupling->follower].type == JOINT_REVOLUTE;
+        char shift[32] = "";
+
+        if (coupling->offset != 0.0) {
+            snprintf(shift, sizeof shift, " %c %.9g", coupling->offset < 0.0 ? '-' : '+',
+                     fabs(coupling->offset));
+        }
+        import_note_add(notes, IMPORT_ASSUMED, source->mimic_file, source->mimic_line,
+                        "joint \"%.63s\" follows \"%.63s\", %.9g times its position%s, through a "
+                        "coupling of %.3g %s and %.3g %s; it has no drive of its own, the file's "
+                        "effort %g and velocity %g are not used",
+                        source->name, from->source[coupling->leader]->name, coupling->multiplier,
+                        shift, coupling->stiffness, turns ? "N m/rad" : "N/m", coupling->damping,
+                        turns ? "N m s/rad" : "N s/m", source->effort, source->velocity);
     }
     return code;
 }

@@ -160,27 +160,6 @@ static void stl_put_word(unsigned char *to, uint32_t word)
     }
 }
 
-/* Writes a facet of 50 bytes. It has the unit normal (0 for a face without area) and three corners,
- * all as little-endian floats, and two zero bytes. */
-static void stl_put_face(unsigned char to[50], const double *const corner[3])
-{
-    double a[3], b[3], normal[3], length;
-
-    vec3_sub(corner[1], corner[0], a);
-    vec3_sub(corner[2], corner[0], b);
-    vec3_cross(a, b, normal);
-    length = vec3_norm(normal);
-    memset(to, 0, 50);
-    for (int i = 0; i < 12; i++) {
-        const double unit = length > 0.0 ? normal[i % 3] / length : 0.0;
-        const float real = (float)(i < 3 ? unit : corner[i / 3 - 1][i % 3]);
-        uint32_t word;
-
-        memcpy(&word, &real, sizeof word);
-        stl_put_word(to + 4 * i, word);
-    }
-}
-
 size_t import_count_tint(const struct import_mesh *mesh, int tint)
 {
     size_t count = 0;
@@ -210,7 +189,24 @@ enum error_code import_write_tint(const struct import_mesh *mesh, int tint, cons
                                          mesh->vertex[at[2]]};
 
         if (mesh->tint[f] == tint) {
-            stl_put_face(face, corner);
+            /* Write a facet of 50 bytes. It has the unit normal (0 for a face without area) and
+             * three corners, all as little-endian floats, and two zero bytes. */
+            double a[3], b[3], normal[3], length;
+
+            vec3_sub(corner[1], corner[0], a);
+            vec3_sub(corner[2], corner[0], b);
+            vec3_cross(a, b, normal);
+            length = vec3_norm(normal);
+            memset(face, 0, 50);
+            for (int i = 0; i < 12; i++) {
+                const double unit = length > 0.0 ? normal[i % 3] / length : 0.0;
+                const float real = (float)(i < 3 ? unit : corner[i / 3 - 1][i % 3]);
+                uint32_t word;
+
+                memcpy(&word, &real, sizeof word);
+                stl_put_word(face + 4 * i, word);
+            }
+
             fwrite(face, 1, sizeof face, file.out);
         }
     }

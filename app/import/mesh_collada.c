@@ -348,33 +348,6 @@ struct collada_corners {
     bool mirrored;    /* a mirroring pose swaps two corners, so that normals point outward */
 };
 
-/* Reads the inputs of a primitive: the offset of its vertices, and the stride, which is the
- * highest offset plus one. */
-static void collada_read_inputs(const struct collada *c, const xmlNode *primitive,
-                                struct collada_corners *corners)
-{
-    for (const xmlNode *input = xml_child(primitive, "input"); input;
-         input = xml_next(input, "input")) {
-        const char *semantic = xml_attribute(input, "semantic");
-        const int64_t offset = collada_read_whole(c, input, "offset", 0);
-
-        if (offset >= COLLADA_STRIDE_MAX) {
-            collada_refuse(c, input, "of a high offset, expected one below 64");
-        }
-
-        /* Vertices are one of several inputs (normals, texture); each input has one value per
-         * corner */
-        if (semantic && !strcmp(semantic, "VERTEX")) {
-            corners->vertices = collada_follow(c, input, "source", "vertices");
-            corners->position = offset;
-        }
-        corners->stride = offset + 1 > corners->stride ? offset + 1 : corners->stride;
-    }
-    if (!corners->vertices) {
-        collada_refuse(c, primitive, "without an input of semantic VERTEX, expected one");
-    }
-}
-
 /* Reads the index of the next corner's position; returns false at the end of the list. */
 static bool collada_next_corner(const struct collada *c, const struct collada_corners *corners,
                                 const xmlNode *list, const char **at, int64_t *position)
@@ -469,7 +442,28 @@ static void collada_read_primitive(struct collada *c, const xmlNode *primitive,
     const char *sizes = NULL;
     double *position;
 
-    collada_read_inputs(c, primitive, corners);
+    /* Read the inputs of a primitive: the offset of its vertices, and the stride, which is the
+     * highest offset plus one */
+    for (const xmlNode *input = xml_child(primitive, "input"); input;
+         input = xml_next(input, "input")) {
+        const char *semantic = xml_attribute(input, "semantic");
+        const int64_t offset = collada_read_whole(c, input, "offset", 0);
+
+        if (offset >= COLLADA_STRIDE_MAX) {
+            collada_refuse(c, input, "of a high offset, expected one below 64");
+        }
+
+        /* Vertices are one of several inputs (normals, texture); each input has one value per
+         * corner */
+        if (semantic && !strcmp(semantic, "VERTEX")) {
+            corners->vertices = collada_follow(c, input, "source", "vertices");
+            corners->position = offset;
+        }
+        corners->stride = offset + 1 > corners->stride ? offset + 1 : corners->stride;
+    }
+    if (!corners->vertices) {
+        collada_refuse(c, primitive, "without an input of semantic VERTEX, expected one");
+    }
     if (collada_failed(c)) {
         return;
     }

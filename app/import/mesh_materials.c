@@ -88,29 +88,6 @@ static struct mesh_material *mtl_find_material(struct mesh_reader *r, const char
     return &r->material[r->nmaterial++];
 }
 
-/* Reads the colors of all materials in the text of an MTL file: newmtl NAME, then Kd R G B. */
-static void mtl_read(struct mesh_reader *r, const char *text, size_t size)
-{
-    struct mesh_reader lines = {.at = text, .end = text + size};
-    struct mesh_material *material = NULL;
-    char word[MESH_WORD_MAX];
-
-    while (lines.at < lines.end) {
-        double color[4] = {0, 0, 0, 1};
-
-        if (!mesh_next_word(&lines, word)) {
-            /* an empty line */
-        } else if (!strcmp(word, "newmtl")) {
-            material = mesh_next_word(&lines, word) ? mtl_find_material(r, word, true) : NULL;
-        } else if (!strcmp(word, "Kd") && material && mesh_read_numbers(&lines, color)) {
-            material->tint = mesh_find_tint(r->mesh, color);
-        } else if (!strcmp(word, "map_Kd") && mesh_next_word(&lines, word)) {
-            mesh_remark(r, "the texture", word, "");
-        }
-        mesh_skip_line(&lines);
-    }
-}
-
 /* ---- lines of an OBJ ---- */
 
 /* Reads the materials of an MTL file. */
@@ -133,7 +110,25 @@ static void mesh_read_library(struct mesh_reader *r, const char *file)
     } else if (input_file_load(path, MTL_BYTES_MAX, &text, &size, &why)) {
         mesh_remark(r, "its materials", file, ", which cannot be read");
     } else {
-        mtl_read(r, text, size);
+        /* Read the colors of all materials of the file: newmtl NAME, then Kd R G B */
+        struct mesh_reader lines = {.at = text, .end = text + size};
+        struct mesh_material *material = NULL;
+        char word[MESH_WORD_MAX];
+
+        while (lines.at < lines.end) {
+            double color[4] = {0, 0, 0, 1};
+
+            if (!mesh_next_word(&lines, word)) {
+                /* an empty line */
+            } else if (!strcmp(word, "newmtl")) {
+                material = mesh_next_word(&lines, word) ? mtl_find_material(r, word, true) : NULL;
+            } else if (!strcmp(word, "Kd") && material && mesh_read_numbers(&lines, color)) {
+                material->tint = mesh_find_tint(r->mesh, color);
+            } else if (!strcmp(word, "map_Kd") && mesh_next_word(&lines, word)) {
+                mesh_remark(r, "the texture", word, "");
+            }
+            mesh_skip_line(&lines);
+        }
         free(text);
     }
 }

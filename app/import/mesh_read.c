@@ -195,31 +195,6 @@ static void stl_read_text(struct mesh_reader *r)
     }
 }
 
-/* ---- OBJ ---- */
-
-/* Reads an OBJ. Skips statements that are neither shapes nor materials. */
-static void mesh_read_obj_lines(struct mesh_reader *r)
-{
-    const struct obj_rules rules = {.max_vertices = 3 * (size_t)IMPORT_MESH_FACES_MAX,
-                                    .max_faces = IMPORT_MESH_FACES_MAX,
-                                    .handle = mesh_read_material_line,
-                                    .context = r};
-    struct obj_surface s;
-
-    if (!obj_read(r->name, r->at, (size_t)(r->end - r->at), &rules, &s, r->error) &&
-        mesh_make_room(r, s.nvertex, s.nface)) {
-        for (size_t v = 0; v < s.nvertex && !r->error->code; v++) {
-            r->line = (int)s.vertex_place[v].line;
-            mesh_add_vertex(r, s.vertex[v]);
-        }
-        for (size_t f = 0; f < s.nface; f++) {
-            r->tint = s.tag[f];
-            mesh_add_face(r, s.face[f][0], s.face[f][1], s.face[f][2]);
-        }
-    }
-    obj_free(&s);
-}
-
 /* ---- the whole ---- */
 
 /* A vertex during sorting: its position, and its original index. */
@@ -297,28 +272,6 @@ static void mesh_join_vertices(const struct mesh_reader *r)
     mesh->nvertex = nvertex;
 }
 
-/* Reads the faces of a file unchanged, in the format of its extension. */
-static void mesh_read_faces(struct mesh_reader *r)
-{
-    const char *ending = strrchr(r->name, '.');
-
-    ending = ending ? ending + 1 : "";
-    if (!strcasecmp(ending, "stl") && stl_is_binary(r->at, (size_t)(r->end - r->at))) {
-        stl_read_binary(r);
-    } else if (!strcasecmp(ending, "stl")) {
-        stl_read_text(r);
-    } else if (!strcasecmp(ending, "obj")) {
-        mesh_read_obj_lines(r);
-    } else if (!strcasecmp(ending, "dae")) {
-        mesh_read_collada(r);
-    } else {
-        error_set(r->error, ERROR_INPUT,
-                  "%.200s: found a mesh of type \"%.20s\", expected stl, obj or dae; `assimp "
-                  "export FILE.%.20s FILE.stl` (Debian package assimp-utils) converts it",
-                  r->name, ending, ending);
-    }
-}
-
 enum error_code import_parse_mesh(const char *name, bool is_file, const char *text, size_t size,
                                   const double scale[3], struct arena *arena,
                                   struct import_mesh *mesh, struct error *error)
@@ -338,7 +291,41 @@ enum error_code import_parse_mesh(const char *name, bool is_file, const char *te
     error->code = ERROR_NONE;
 
     /* Read the faces as in the file, then join equal vertices */
-    mesh_read_faces(&r);
+    const char *ending = strrchr(r.name, '.');
+
+    ending = ending ? ending + 1 : "";
+    if (!strcasecmp(ending, "stl") && stl_is_binary(r.at, (size_t)(r.end - r.at))) {
+        stl_read_binary(&r);
+    } else if (!strcasecmp(ending, "stl")) {
+        stl_read_text(&r);
+    } else if (!strcasecmp(ending, "obj")) {
+        /* Read an OBJ. Skip statements that are neither shapes nor materials. */
+        const struct obj_rules rules = {.max_vertices = 3 * (size_t)IMPORT_MESH_FACES_MAX,
+                                        .max_faces = IMPORT_MESH_FACES_MAX,
+                                        .handle = mesh_read_material_line,
+                                        .context = &r};
+        struct obj_surface s;
+
+        if (!obj_read(r.name, r.at, (size_t)(r.end - r.at), &rules, &s, r.error) &&
+            mesh_make_room(&r, s.nvertex, s.nface)) {
+            for (size_t v = 0; v < s.nvertex && !r.error->code; v++) {
+                r.line = (int)s.vertex_place[v].line;
+                mesh_add_vertex(&r, s.vertex[v]);
+            }
+            for (size_t f = 0; f < s.nface; f++) {
+                r.tint = s.tag[f];
+                mesh_add_face(&r, s.face[f][0], s.face[f][1], s.face[f][2]);
+            }
+        }
+        obj_free(&s);
+    } else if (!strcasecmp(ending, "dae")) {
+        mesh_read_collada(&r);
+    } else {
+        error_set(r.error, ERROR_INPUT,
+                  "%.200s: found a mesh of type \"%.20s\", expected stl, obj or dae; `assimp "
+                  "export FILE.%.20s FILE.stl` (Debian package assimp-utils) converts it",
+                  r.name, ending, ending);
+    }
     if (!error->code) {
         mesh_join_vertices(&r);
     }

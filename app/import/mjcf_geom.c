@@ -235,30 +235,6 @@ static void geom_read_size(const struct import_reader *r, const xmlNode *node,
     }
 }
 
-/* Reads the color of a geom from its rgba or its material. Reads whether MuJoCo's viewer shows it,
- * which shows groups 0 to 2. Ignores colors in the mesh file. */
-static void geom_read_looks(const struct import_reader *r, const xmlNode *node,
-                            const char *childclass, struct import_geometry *g)
-{
-    static const double gray[4] = {0.5, 0.5, 0.5, 1.0}, white[4] = {1.0, 1.0, 1.0, 1.0};
-    const char *name = mjcf_attribute(r, node, childclass, "material");
-    const struct xml_name *material = name ? xml_names_find(&r->materials, name, NULL) : NULL;
-    double group = 0.0;
-
-    /* The geom's own rgba has priority over its material's */
-    mjcf_reals(r, node, childclass, "group", 1, &group);
-    memcpy(g->color, gray, sizeof g->color);
-    if (!mjcf_reals(r, node, childclass, "rgba", 4, g->color) && material) {
-        memcpy(g->color, white, sizeof g->color);
-        mjcf_reals(r, material->node, NULL, "rgba", 4, g->color);
-    }
-    for (int m = 0; m < 4; m++) {
-        g->color[m] = fmin(fmax(g->color[m], 0.0), 1.0);
-    }
-    g->visual = group < 3.0 && g->color[3] > 0.0;
-    g->colored = g->repaints = true;
-}
-
 void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, const char *childclass,
                     int link, struct robot_inertia *inertia)
 {
@@ -282,6 +258,25 @@ void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, const ch
         geom_add_inertia(r, node, childclass, &g, inertia);
     }
     g.collision = type != 0 || affinity != 0;
-    geom_read_looks(r, node, childclass, &g);
+
+    /* Read the color of a geom from its rgba or its material. Read whether MuJoCo's viewer shows
+     * it, which shows groups 0 to 2. Ignore colors in the mesh file. */
+    static const double gray[4] = {0.5, 0.5, 0.5, 1.0}, white[4] = {1.0, 1.0, 1.0, 1.0};
+    const char *name = mjcf_attribute(r, node, childclass, "material");
+    const struct xml_name *material = name ? xml_names_find(&r->materials, name, NULL) : NULL;
+    double group = 0.0;
+
+    /* The geom's own rgba has priority over its material's */
+    mjcf_reals(r, node, childclass, "group", 1, &group);
+    memcpy(g.color, gray, sizeof g.color);
+    if (!mjcf_reals(r, node, childclass, "rgba", 4, g.color) && material) {
+        memcpy(g.color, white, sizeof g.color);
+        mjcf_reals(r, material->node, NULL, "rgba", 4, g.color);
+    }
+    for (int m = 0; m < 4; m++) {
+        g.color[m] = fmin(fmax(g.color[m], 0.0), 1.0);
+    }
+    g.visual = group < 3.0 && g.color[3] > 0.0;
+    g.colored = g.repaints = true;
     r->model->geometry[r->model->ngeometry++] = g;
 }

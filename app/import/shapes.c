@@ -95,19 +95,6 @@ static void capsule_hold_points(const double (*point)[3], size_t count,
     capsule->length = 2.0 * half;
 }
 
-/* Fits a capsule along the longest semi-axis, with the second longest as radius. It encloses the
- * ellipsoid, whose ends are slimmer than half-spheres. */
-static void capsule_hold_ellipsoid(const double half[3], struct robot_capsule *capsule)
-{
-    int along = half[1] > half[0] ? 1 : 0;
-
-    along = half[2] > half[along] ? 2 : along;
-    memset(capsule->position, 0, sizeof capsule->position);
-    axis_to_rotation(along, capsule->rotation);
-    capsule->radius = fmax(half[(along + 1) % 3], half[(along + 2) % 3]);
-    capsule->length = 2.0 * (half[along] - capsule->radius);
-}
-
 /* ---- meshes ---- */
 
 /* Returns a text that says whether contact accepts a mesh as a surface. */
@@ -172,6 +159,7 @@ static bool shape_fit(const struct import_builder *b, const struct import_geomet
                       struct robot_capsule *capsule)
 {
     double corner[8][3];
+    int along;
 
     switch (shape->shape) {
     case IMPORT_MESH:
@@ -187,7 +175,14 @@ static bool shape_fit(const struct import_builder *b, const struct import_geomet
                           " is the capsule that holds it");
         return true;
     case IMPORT_ELLIPSOID:
-        capsule_hold_ellipsoid(shape->half, capsule);
+        /* Fit a capsule along the longest semi-axis, with the second longest as radius. It encloses
+         * the ellipsoid, whose ends are slimmer than half-spheres. */
+        along = shape->half[1] > shape->half[0] ? 1 : 0;
+        along = shape->half[2] > shape->half[along] ? 2 : along;
+        memset(capsule->position, 0, sizeof capsule->position);
+        axis_to_rotation(along, capsule->rotation);
+        capsule->radius = fmax(shape->half[(along + 1) % 3], shape->half[(along + 2) % 3]);
+        capsule->length = 2.0 * (shape->half[along] - capsule->radius);
         import_shape_note(b, shape, IMPORT_SHAPED, "collision ellipsoid",
                           " is the capsule that holds it");
         return true;
@@ -206,27 +201,6 @@ static bool shape_fit(const struct import_builder *b, const struct import_geomet
     return true;
 }
 
-/* Adds a note if a capsule is much larger than the largest distance between a joint and its parent
- * link, for example a mesh in mm without a scale. */
-static void shape_doubt_size(const struct import_builder *b, const struct import_geometry *shape,
-                             const struct robot_capsule *capsule)
-{
-    const double length = capsule->length + 2.0 * capsule->radius;
-    double reach = 0.0;
-
-    for (size_t i = 0; i < b->from->model->njoint; i++) {
-        const double *xyz = b->from->model->joint[i].place.xyz;
-
-        reach = fmax(reach, hypot(hypot(xyz[0], xyz[1]), xyz[2]));
-    }
-    if (reach > 0.0 && length > SIZE_DOUBT * reach) {
-        import_shape_note(
-            b, shape, IMPORT_DOUBTED, "collision shape",
-            " is %.3g m long, the largest distance of two joints is %.3g m%s", length, reach,
-            shape->shape == IMPORT_MESH ? ": a mesh in mm needs scale=\"0.001 0.001 0.001\"" : "");
-    }
-}
-
 /* Adds the capsule of a shape to the robot, with the name BODY-shellNUMBER. */
 static enum error_code shape_add(const struct import_builder *b,
                                  const struct import_geometry *shape)
@@ -243,7 +217,24 @@ static enum error_code shape_add(const struct import_builder *b,
         return error_set(b->error, ERROR_MEMORY, "no memory for the shapes of the robot");
     }
     if (shape_fit(b, shape, &capsule)) {
-        shape_doubt_size(b, shape, &capsule);
+        /* Add a note if the capsule is much larger than the largest distance of a joint from its
+         * parent link, for example a mesh in mm without a scale */
+        const double length = capsule.length + 2.0 * capsule.radius;
+        double reach = 0.0;
+
+        for (size_t i = 0; i < b->from->model->njoint; i++) {
+            const double *xyz = b->from->model->joint[i].place.xyz;
+
+            reach = fmax(reach, hypot(hypot(xyz[0], xyz[1]), xyz[2]));
+        }
+        if (reach > 0.0 && length > SIZE_DOUBT * reach) {
+            import_shape_note(
+                b, shape, IMPORT_DOUBTED, "collision shape",
+                " is %.3g m long, the largest distance of two joints is %.3g m%s", length, reach,
+                shape->shape == IMPORT_MESH ? ": a mesh in mm needs scale=\"0.001 0.001 0.001\""
+                                            : "");
+        }
+
         memcpy(own.xyz, capsule.position, sizeof own.xyz);
         memcpy(own.R, capsule.rotation, sizeof own.R);
         import_place_shape(b, shape, &own, capsule.position, capsule.rotation);

@@ -129,25 +129,6 @@ static void tensor_diagonalize(const double I[6], double moment[3], double V[9])
     moment[2] = A[5];
 }
 
-/* Raises principal moments that are too small: to a thousandth of the largest one, then until the
- * two smaller ones sum up to the largest (triangle inequality). */
-static void moments_repair(double moment[3])
-{
-    int large = 0;
-    double missing;
-
-    for (int m = 1; m < 3; m++) {
-        large = moment[m] > moment[large] ? m : large;
-    }
-    for (int m = 0; m < 3; m++) {
-        moment[m] = fmax(moment[m], 1e-3 * moment[large]);
-    }
-    missing = 2.0 * moment[large] - (moment[0] + moment[1] + moment[2]);
-    for (int m = 0; m < 3; m++) {
-        moment[m] += m != large && missing > 0.0 ? 0.5 * missing : 0.0;
-    }
-}
-
 /* Checks a body's inertia. With --repair-inertia corrects an impossible inertia, otherwise refuses
  * it. */
 static void simplify_check_inertia(struct simplifier *r, const struct import_link *link,
@@ -170,7 +151,23 @@ static void simplify_check_inertia(struct simplifier *r, const struct import_lin
 
     /* Raise the principal moments, and rotate the tensor back to the link's frame */
     tensor_diagonalize(inertia->I, moment, V);
-    moments_repair(moment);
+
+    /* Raise principal moments that are too small: to a thousandth of the largest one, then until
+     * the two smaller ones sum up to the largest (triangle inequality) */
+    int large = 0;
+    double missing;
+
+    for (int m = 1; m < 3; m++) {
+        large = moment[m] > moment[large] ? m : large;
+    }
+    for (int m = 0; m < 3; m++) {
+        moment[m] = fmax(moment[m], 1e-3 * moment[large]);
+    }
+    missing = 2.0 * moment[large] - (moment[0] + moment[1] + moment[2]);
+    for (int m = 0; m < 3; m++) {
+        moment[m] += m != large && missing > 0.0 ? 0.5 * missing : 0.0;
+    }
+
     memset(inertia->I, 0, sizeof inertia->I);
     inertia->I[0] = moment[0];
     inertia->I[3] = moment[1];

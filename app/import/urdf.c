@@ -261,63 +261,7 @@ static void urdf_read_geometry(const struct import_reader *r, const xmlNode *nod
     model->geometry[model->ngeometry++] = shape;
 }
 
-/* Reads a link with its inertia and geometry. */
-static void urdf_read_link(const struct import_reader *r, const xmlNode *node)
-{
-    const size_t at = r->model->nlink++;
-    struct import_link *link = &r->model->link[at];
-    const xmlNode *inertial = urdf_only_child(r, node, "inertial");
-
-    *link = (struct import_link){
-        .name = urdf_need_text(r, node, "name"), .file = r->model->file, .line = xml_line(node)};
-    if (inertial) {
-        urdf_read_inertial(r, inertial, link);
-    }
-    for (const xmlNode *child = xml_child(node, NULL); child; child = xml_next(child, NULL)) {
-        if (xml_is(child, "visual") || xml_is(child, "collision")) {
-            urdf_read_geometry(r, child, at);
-        }
-    }
-}
-
 /* ---- joints ---- */
-
-/* Reads the type of a joint; refuses unknown words. */
-static void urdf_read_joint_type(const struct import_reader *r, const xmlNode *node,
-                                 struct import_joint *joint)
-{
-    static const char *const words[] = {
-        [IMPORT_FIXED] = "fixed",           [IMPORT_REVOLUTE] = "revolute",
-        [IMPORT_CONTINUOUS] = "continuous", [IMPORT_PRISMATIC] = "prismatic",
-        [IMPORT_FLOATING] = "floating",     [IMPORT_PLANAR] = "planar",
-    };
-    const char *type = xml_need(r->file, node, "type");
-    const int i = TEXT_INDEX(words, ARRAY_COUNT(words), type);
-
-    if (i < 0) {
-        xml_refuse(r->file, node,
-                   "found type \"%.40s\" of joint \"%.63s\", expected fixed, revolute, continuous, "
-                   "prismatic, floating or planar",
-                   type, joint->name);
-    }
-    joint->type = (enum import_joint_type)i;
-}
-
-/* Reads the axis of a joint, by default x; a moving joint needs a nonzero axis. */
-static void urdf_read_axis(const struct import_reader *r, const xmlNode *node,
-                           struct import_joint *joint)
-{
-    const xmlNode *axis = urdf_only_child(r, node, "axis");
-
-    joint->axis[0] = 1;
-    joint->axis[1] = joint->axis[2] = 0;
-    if (axis && xml_reals(r->file, axis, "xyz", 3, joint->axis) && joint->type != IMPORT_FIXED &&
-        joint->type != IMPORT_FLOATING &&
-        !(vec3_norm(joint->axis) > 1e-6 && vec3_norm(joint->axis) < 1e6)) {
-        xml_refuse(r->file, axis, "found axis %g %g %g of joint \"%.63s\", expected a direction",
-                   joint->axis[0], joint->axis[1], joint->axis[2], joint->name);
-    }
-}
 
 /* Reads <limit>: range, effort and velocity, all optional. */
 static void urdf_read_limit(const struct import_reader *r, const xmlNode *node,
@@ -377,11 +321,39 @@ static void urdf_read_joint(const struct import_reader *r, const xmlNode *node)
 
     *joint = (struct import_joint){
         .name = urdf_need_text(r, node, "name"), .file = r->model->file, .line = xml_line(node)};
-    urdf_read_joint_type(r, node, joint);
+
+    /* Read the type; refuse unknown words */
+    static const char *const words[] = {
+        [IMPORT_FIXED] = "fixed",           [IMPORT_REVOLUTE] = "revolute",
+        [IMPORT_CONTINUOUS] = "continuous", [IMPORT_PRISMATIC] = "prismatic",
+        [IMPORT_FLOATING] = "floating",     [IMPORT_PLANAR] = "planar",
+    };
+    const char *type = xml_need(r->file, node, "type");
+    const int i = TEXT_INDEX(words, ARRAY_COUNT(words), type);
+
+    if (i < 0) {
+        xml_refuse(r->file, node,
+                   "found type \"%.40s\" of joint \"%.63s\", expected fixed, revolute, continuous, "
+                   "prismatic, floating or planar",
+                   type, joint->name);
+    }
+    joint->type = (enum import_joint_type)i;
     joint->parent = urdf_read_end(r, node, "parent");
     joint->child = urdf_read_end(r, node, "child");
     urdf_read_origin(r, node, &joint->place);
-    urdf_read_axis(r, node, joint);
+
+    /* Read the axis, by default x; a moving joint needs a nonzero axis */
+    const xmlNode *axis = urdf_only_child(r, node, "axis");
+
+    joint->axis[0] = 1;
+    joint->axis[1] = joint->axis[2] = 0;
+    if (axis && xml_reals(r->file, axis, "xyz", 3, joint->axis) && joint->type != IMPORT_FIXED &&
+        joint->type != IMPORT_FLOATING &&
+        !(vec3_norm(joint->axis) > 1e-6 && vec3_norm(joint->axis) < 1e6)) {
+        xml_refuse(r->file, axis, "found axis %g %g %g of joint \"%.63s\", expected a direction",
+                   joint->axis[0], joint->axis[1], joint->axis[2], joint->name);
+    }
+
     urdf_read_limit(r, node, joint);
 
     /* <mimic>: the joint that this one follows, with multiplier and offset */
@@ -574,7 +546,23 @@ static void urdf_read_elements(const struct import_reader *r)
 
     for (const xmlNode *node = xml_child(root, NULL); node; node = xml_next(node, NULL)) {
         if (xml_is(node, "link")) {
-            urdf_read_link(r, node);
+            /* Read the link with its inertia and geometry */
+            const size_t at = r->model->nlink++;
+            struct import_link *link = &r->model->link[at];
+            const xmlNode *inertial = urdf_only_child(r, node, "inertial");
+
+            *link = (struct import_link){.name = urdf_need_text(r, node, "name"),
+                                         .file = r->model->file,
+                                         .line = xml_line(node)};
+            if (inertial) {
+                urdf_read_inertial(r, inertial, link);
+            }
+            for (const xmlNode *child = xml_child(node, NULL); child;
+                 child = xml_next(child, NULL)) {
+                if (xml_is(child, "visual") || xml_is(child, "collision")) {
+                    urdf_read_geometry(r, child, at);
+                }
+            }
         } else if (xml_is(node, "joint")) {
             urdf_read_joint(r, node);
         }

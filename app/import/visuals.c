@@ -68,28 +68,6 @@ static void visual_paint(struct visuals *v, struct robot_visual *visual, const d
 
 /* ---- meshes ---- */
 
-/* Adds a visual for each tint of a mesh that has faces, starting with the uncolored faces (-1).
- * Writes the faces of each visual to an STL file with its name. */
-static void visual_add_tints(struct visuals *v, const struct import_geometry *shape,
-                             const struct import_mesh *mesh)
-{
-    for (int tint = -1; tint < (int)mesh->ncolor && !v->b->error->code; tint++) {
-        struct robot_visual *visual = import_count_tint(mesh, tint) ? visual_add(v, shape) : NULL;
-        char path[PATH_MAX];
-
-        if (!visual) {
-            continue;
-        }
-        if (tint >= 0) {
-            visual_paint(v, visual, mesh->color[tint]);
-        }
-        snprintf(path, sizeof path, "../meshes/%s.stl", visual->name);
-        visual->file = visual_copy(v, path);
-        snprintf(path, sizeof path, "%s/%s.stl", v->b->folder, visual->name);
-        import_write_tint(mesh, tint, path, v->b->error);
-    }
-}
-
 /* Reads a mesh. If the shape's color overrides the mesh's colors, the mesh gets a single color.
  * Refuses a mesh that exceeds the limit for all meshes together. */
 static enum error_code visual_read_mesh(struct visuals *v, const struct import_geometry *shape,
@@ -168,7 +146,25 @@ static void visual_add_mesh(struct visuals *v, const struct import_geometry *sha
         why.text[350] = '\0';
         visual_add(v, shape)->missing = visual_copy(v, why.text);
     } else {
-        visual_add_tints(v, shape, &mesh);
+        /* Add a visual for each tint of a mesh that has faces, starting with the uncolored faces
+         * (-1). Write the faces of each visual to an STL file with its name. */
+        for (int tint = -1; tint < (int)mesh.ncolor && !v->b->error->code; tint++) {
+            struct robot_visual *visual =
+                import_count_tint(&mesh, tint) ? visual_add(v, shape) : NULL;
+            char path[PATH_MAX];
+
+            if (!visual) {
+                continue;
+            }
+            if (tint >= 0) {
+                visual_paint(v, visual, mesh.color[tint]);
+            }
+            snprintf(path, sizeof path, "../meshes/%s.stl", visual->name);
+            visual->file = visual_copy(v, path);
+            snprintf(path, sizeof path, "%s/%s.stl", v->b->folder, visual->name);
+            import_write_tint(&mesh, tint, path, v->b->error);
+        }
+
         if (mesh.remark) {
             import_note_add(v->b->notes, IMPORT_DROPPED, shape->file, shape->line,
                             "visual mesh \"%.150s\" is %s", shape->mesh, mesh.remark);

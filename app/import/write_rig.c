@@ -83,30 +83,6 @@ static void write_axes(FILE *out, const struct import_rig *rig, const struct imp
     }
 }
 
-/* Writes the sensor boards. Full scales are assumed: five times the robot's weight, N, and the
- * moment of this force at a lever of 0.2 m, N m. They are limited to the range of 16 bits. */
-static void write_sensor_boards(FILE *out, const struct import_rig *rig,
-                                const struct import_bus *bus)
-{
-    double force = ceil(fmax(5.0 * 9.81 * rig->robot->total_mass, 10.0) / 10.0) * 10.0;
-    double moment = ceil(0.2 * force);
-    const struct protocol_bench *bench = rig->plan->bench;
-
-    force = fmin(force, 65535.0);
-    moment = fmin(moment, 65535.0);
-    for (size_t i = 0; i < bus->nft; i++) {
-        fprintf(out,
-                "      - {kind: ft, address: 0x%02x, sensor: \"%s\", full_scale_n: [%g, %g, %g],\n"
-                "         full_scale_nm: [%g, %g, %g], period_s: %s}\n",
-                (unsigned)(bench->ft_address + i), rig->robot->ft[bus->ft[i]].name, force, force,
-                force, moment, moment, moment, bench->ft_period_s);
-    }
-    if (bus->imu) {
-        fprintf(out, "      - {kind: inertial, address: %u, period_s: 0.005}\n",
-                (unsigned)INERTIAL_ADDRESS);
-    }
-}
-
 /* Checks whether all buses are for servo valves. */
 static bool plan_has_only_valves(const struct import_plan *plan)
 {
@@ -136,7 +112,28 @@ static void write_buses(FILE *out, const struct import_rig *rig)
         }
         fputs("    boards:\n", out);
         write_axes(out, rig, bus);
-        write_sensor_boards(out, rig, bus);
+
+        /* Write the sensor boards. Full scales are assumed: five times the robot's weight, N, and
+         * the moment of this force at a lever of 0.2 m, N m. They are limited to the range of 16
+         * bits. */
+        double force = ceil(fmax(5.0 * 9.81 * rig->robot->total_mass, 10.0) / 10.0) * 10.0;
+        double moment = ceil(0.2 * force);
+        const struct protocol_bench *bench = rig->plan->bench;
+
+        force = fmin(force, 65535.0);
+        moment = fmin(moment, 65535.0);
+        for (size_t k = 0; k < bus->nft; k++) {
+            fprintf(
+                out,
+                "      - {kind: ft, address: 0x%02x, sensor: \"%s\", full_scale_n: [%g, %g, %g],\n"
+                "         full_scale_nm: [%g, %g, %g], period_s: %s}\n",
+                (unsigned)(bench->ft_address + k), rig->robot->ft[bus->ft[k]].name, force, force,
+                force, moment, moment, moment, bench->ft_period_s);
+        }
+        if (bus->imu) {
+            fprintf(out, "      - {kind: inertial, address: %u, period_s: 0.005}\n",
+                    (unsigned)INERTIAL_ADDRESS);
+        }
     }
 }
 

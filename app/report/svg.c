@@ -77,14 +77,6 @@ static bool point_is_drawable(const struct svg_plot *plot, const struct svg_seri
     return value_is_drawable(&plot->x, series->x[i]) && value_is_drawable(&plot->y, series->y[i]);
 }
 
-/* Returns the tick step for about TICKS ticks: 1, 2 or 5 times a power of ten. */
-static double round_step(double range)
-{
-    double raw = range / TICKS, power = pow(10.0, floor(log10(raw))), digit = raw / power;
-
-    return power * (digit < 1.5 ? 1.0 : digit < 3.5 ? 2.0 : digit < 7.5 ? 5.0 : 10.0);
-}
-
 /* Returns the distance of ticks: a round number, or whole decades. */
 static double tick_step(const struct scale *scale)
 {
@@ -93,7 +85,11 @@ static double tick_step(const struct scale *scale)
     if (scale->axis->logarithmic) {
         return fmax(1.0, ceil(range / (2.0 * TICKS)));
     }
-    return round_step(range);
+
+    /* Choose the step for about TICKS ticks: 1, 2 or 5 times a power of ten */
+    double raw = range / TICKS, power = pow(10.0, floor(log10(raw))), digit = raw / power;
+
+    return power * (digit < 1.5 ? 1.0 : digit < 3.5 ? 2.0 : digit < 7.5 ? 5.0 : 10.0);
 }
 
 /* Finds the range of an axis: the fixed range, else the range of all values that can be drawn, with
@@ -139,12 +135,6 @@ static bool find_range(const struct svg_plot *plot, bool vertical, struct scale 
     return true;
 }
 
-/* Returns the number of decimals that neighboring tick labels need. */
-static int tick_digits(double step)
-{
-    return (int)fmax(0.0, fmin(17.0, -floor(log10(step) + 1e-9)));
-}
-
 /* Draws a tick: a grid line and its label. */
 static void put_tick(const struct page *page, const struct scale *scale, bool vertical,
                      double number, double step)
@@ -176,7 +166,7 @@ static void put_tick(const struct page *page, const struct scale *scale, bool ve
     } else if (largest >= 1e6 || largest < 1e-3) {
         fprintf(page->out, "%.3g", number);
     } else {
-        fprintf(page->out, "%.*f", tick_digits(step), number);
+        fprintf(page->out, "%.*f", (int)fmax(0.0, fmin(17.0, -floor(log10(step) + 1e-9))), number);
     }
     fputs("</text>\n", page->out);
 }

@@ -209,26 +209,6 @@ static void value_in(const struct parameters *given, size_t index, size_t number
     }
 }
 
-/* Reports, with line and column, a ${NAME} with an unknown parameter or without a closing brace. */
-static enum error_code unknown_parameter(const char *file, const char *text, size_t at,
-                                         const char *name, const struct parameters *given,
-                                         struct error *error)
-{
-    const struct yaml_names known = YAML_NAMES(given->parameter, given->count, name);
-    struct yaml_mark mark = {.file = file, .line = 1, .column = 1};
-    enum error_code code;
-    int unused;
-
-    for (size_t i = 0; i < at; i++) {
-        mark.column = text[i] == '\n' ? 1 : mark.column + 1;
-        mark.line += text[i] == '\n';
-    }
-    code = yaml_find_name(known, "parameter", name, &mark, &unused, error);
-    return code ? code
-                : yaml_error(error, &mark, "found ${%.40s without its end, expected ${%.40s}", name,
-                             name);
-}
-
 /* Copies the text and replaces each ${NAME}. out has space for EXPANDED_MAX bytes. */
 static enum error_code expand_parameters(const char *file, const char *text, size_t size,
                                          const struct parameters *given, size_t number, char *out,
@@ -260,7 +240,22 @@ static enum error_code expand_parameters(const char *file, const char *text, siz
         /* Find the parameter's value in this combination */
         index = TEXT_FIND(given->parameter, given->count, name, name);
         if (index < 0 || at + 2 + length >= size || text[at + 2 + length] != '}') {
-            return unknown_parameter(file, text, at, name, given, error);
+            /* Report, with line and column, a ${NAME} with an unknown parameter or without a
+             * closing brace */
+            const struct yaml_names known = YAML_NAMES(given->parameter, given->count, name);
+            struct yaml_mark mark = {.file = file, .line = 1, .column = 1};
+            enum error_code code;
+            int unused;
+
+            for (size_t i = 0; i < at; i++) {
+                mark.column = text[i] == '\n' ? 1 : mark.column + 1;
+                mark.line += text[i] == '\n';
+            }
+            code = yaml_find_name(known, "parameter", name, &mark, &unused, error);
+            return code
+                       ? code
+                       : yaml_error(error, &mark,
+                                    "found ${%.40s without its end, expected ${%.40s}", name, name);
         }
         value_in(given, (size_t)index, number, value);
         *used += (size_t)snprintf(out + *used, sizeof value, "%s", value);
