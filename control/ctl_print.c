@@ -115,25 +115,6 @@ static void print_values(const char *title, json_t *object, int digits, FILE *ou
     }
 }
 
-/* Prints the external boards, if the rig has any, and the times of their last frames. */
-static void ctl_print_external(const json_t *answer, FILE *out)
-{
-    const json_t *board;
-    size_t i;
-
-    json_array_foreach(json_object_get(answer, "external"), i, board)
-    {
-        fprintf(out, "  external  %s on %s: %s, ", text_of(board, "board"), text_of(board, "bus"),
-                is_true(board, "silent") ? "silent" : "heard");
-        if (json_is_null(json_object_get(board, "heard_s"))) {
-            fputs("never heard\n", out);
-        } else {
-            fprintf(out, "last %.3f s ago\n",
-                    number_of(answer, "time_s") - number_of(board, "heard_s"));
-        }
-    }
-}
-
 void ctl_print_status(const json_t *answer, FILE *out)
 {
     const json_t *fault, *task = json_object_get(answer, "task");
@@ -171,7 +152,22 @@ void ctl_print_status(const json_t *answer, FILE *out)
         fprintf(out, " %s", json_string_value(fault));
     }
     fputs(i ? "\n" : " none\n", out);
-    ctl_print_external(answer, out);
+
+    /* Print the external boards, if the rig has any, and the times of their last frames */
+    const json_t *board;
+
+    json_array_foreach(json_object_get(answer, "external"), i, board)
+    {
+        fprintf(out, "  external  %s on %s: %s, ", text_of(board, "board"), text_of(board, "bus"),
+                is_true(board, "silent") ? "silent" : "heard");
+        if (json_is_null(json_object_get(board, "heard_s"))) {
+            fputs("never heard\n", out);
+        } else {
+            fprintf(out, "last %.3f s ago\n",
+                    number_of(answer, "time_s") - number_of(board, "heard_s"));
+        }
+    }
+
     ctl_print_buses(answer, out);
     print_values("joints, rad", json_object_get(answer, "joints"), 4, out);
     print_values("contacts, force up, N", json_object_get(answer, "contacts"), 1, out);

@@ -247,22 +247,6 @@ static int user_directories(char directory[USER_DIRECTORIES][CONTROL_PATH_SIZE])
     return count;
 }
 
-/* Creates the user's directory. Refuses a directory that others can write to, because they could
- * impersonate the simulator. */
-static enum error_code make_user_directory(const char *path, struct error *error)
-{
-    if (mkdir(path, geteuid() == 0 ? 0755 : 0700) && errno != EEXIST) {
-        return error_set_errno(error, errno, "control socket: cannot make %s", path);
-    }
-    if (!directory_is_own(path)) {
-        return error_set(error, ERROR_SYSTEM,
-                         "control socket: found %s, which is no directory that only you can write "
-                         "to, expected one, or none",
-                         path);
-    }
-    return ERROR_NONE;
-}
-
 /* Finds the directory of the service manager: the first entry of RUNTIME_DIRECTORY, a list
  * separated by colons. Returns false if there is none. */
 static bool manager_directory(char directory[CONTROL_PATH_SIZE])
@@ -290,10 +274,19 @@ enum error_code control_socket_open_default(const char *name, struct control_soc
         return control_socket_open(path, socket, error);
     }
     user_directories(directory);
-    code = make_user_directory(directory[0], error);
-    if (code) {
-        return code;
+
+    /* Create the user's directory. Refuse a directory that others can write to, because they could
+     * impersonate the simulator. */
+    if (mkdir(directory[0], geteuid() == 0 ? 0755 : 0700) && errno != EEXIST) {
+        return error_set_errno(error, errno, "control socket: cannot make %s", directory[0]);
     }
+    if (!directory_is_own(directory[0])) {
+        return error_set(error, ERROR_SYSTEM,
+                         "control socket: found %s, which is no directory that only you can write "
+                         "to, expected one, or none",
+                         directory[0]);
+    }
+
     /* Listen at the first free name: RIG.sock, RIG-2.sock, ... */
     for (int i = 1; taken && i <= INSTANCES_MAX; i++) {
         if (i == 1) {

@@ -243,19 +243,6 @@ LOOP_NOINLINE size_t loop_take_frames(struct loop *loop, size_t bus, struct bus_
     return count;
 }
 
-/* Receives the waiting frames of a bus, at most LOOP_RECEIVE_MAX, and hands them to the machine. */
-static void loop_drain_bus(struct loop *loop, size_t bus)
-{
-    size_t count = BATCH;
-
-    for (size_t total = 0; count == BATCH && total < LOOP_RECEIVE_MAX; total += count) {
-        count = loop_take_frames(loop, bus, loop->batch, BATCH);
-        for (size_t i = 0; i < count; i++) {
-            loop_deliver_frame(loop, bus, &loop->batch[i]);
-        }
-    }
-}
-
 LOOP_NOINLINE void loop_send_frames(struct loop *loop, size_t bus, size_t count)
 {
     size_t sent = count ? can_send(loop->config.port[bus], loop->outgoing, count) : 0;
@@ -343,7 +330,16 @@ static LOOP_NOINLINE void loop_receive(struct loop *loop)
 
     for (size_t b = 0; b < loop->config.nbus && due; b++) {
         if (!lockstep || b != (size_t)loop->config.lockstep.bus) {
-            loop_drain_bus(loop, b);
+            /* Receive the waiting frames of a bus, at most LOOP_RECEIVE_MAX, and hand them to the
+             * machine */
+            size_t count = BATCH;
+
+            for (size_t total = 0; count == BATCH && total < LOOP_RECEIVE_MAX; total += count) {
+                count = loop_take_frames(loop, b, loop->batch, BATCH);
+                for (size_t i = 0; i < count; i++) {
+                    loop_deliver_frame(loop, b, &loop->batch[i]);
+                }
+            }
         } else if (loop->step_begins && !loop->step_asked) {
             loop_deliver_held(loop);
         } else {
@@ -406,9 +402,12 @@ static LOOP_NOINLINE void loop_transmit(struct loop *loop)
     loop_phase_end(loop, PHASE_TRANSMIT);
 }
 
-/* Emits events for changed bus states and for lost frames. */
-static void loop_watch_buses(struct loop *loop)
+/* Publishes state and statistics to other threads, and ends the tick's work. */
+static LOOP_NOINLINE void loop_publish(struct loop *loop)
 {
+    const struct loop_machine *machine = &loop->config.machine;
+
+    /* Emit events for changed bus states and for lost frames */
     uint64_t rx, tx;
 
     for (size_t b = 0; b < loop->config.nbus; b++) {
@@ -426,14 +425,6 @@ static void loop_watch_buses(struct loop *loop)
         loop->rx_lost = rx;
         loop->tx_lost = tx;
     }
-}
-
-/* Publishes state and statistics to other threads, and ends the tick's work. */
-static LOOP_NOINLINE void loop_publish(struct loop *loop)
-{
-    const struct loop_machine *machine = &loop->config.machine;
-
-    loop_watch_buses(loop);
     loop->stats.lockstep = loop->lockstep.counters;
     if (machine->publish) {
         machine->publish(machine->context, loop->stats.time_ns, &loop->stats);

@@ -87,58 +87,35 @@ void requests_publish_values(struct requests *requests, bool all)
 
 /* ---- checkpoints ---- */
 
-/* Copies the loop's own state (tick, lockstep, held frames) into a checkpoint slot. */
-static void loop_save_moment(struct loop *loop, struct loop_moment *moment)
-{
-    uint64_t rx, tx;
-
-    loop_count_lost(loop, &rx, &tx);
-    moment->kept = true;
-    moment->ticks = loop->stats.ticks;
-    moment->lockstep = loop->lockstep;
-    if (loop->step_asked) {
-        moment->lockstep.ticks = 0; /* a restore does not repeat a REQUEST_STEP */
-    }
-    moment->lost_since_done = rx + tx - loop->lost_at_done;
-    moment->held_count = loop->held_count;
-    moment->held_seen = loop->held_seen;
-    if (moment->held) {
-        memcpy(moment->held, loop->held, loop->held_count * sizeof *loop->held);
-    }
-}
-
-/* Restores the loop's own state, including time. Statistics and counters continue. */
-static void loop_restore_moment(struct loop *loop, const struct loop_moment *moment)
-{
-    struct lockstep_counters counters = loop->lockstep.counters;
-
-    loop->stats.ticks = moment->ticks;
-    loop->stats.time_ns = (int64_t)moment->ticks * loop->config.tick_ns;
-    loop->requests.push.until_ns = 0;
-    loop->lockstep = moment->lockstep;
-    loop->lockstep.counters = counters;
-    loop_count_lost(loop, &loop->rx_lost, &loop->tx_lost);
-    loop->lost_at_done = loop->rx_lost + loop->tx_lost - moment->lost_since_done;
-    loop->held_count = moment->held_count;
-    loop->held_seen = moment->held_seen;
-    if (moment->held) {
-        memcpy(loop->held, moment->held, moment->held_count * sizeof *loop->held);
-    }
-}
-
 /* Saves machine and loop into a checkpoint slot. On failure the slot is empty. */
 static enum request_verdict loop_save_slot(struct loop *loop, size_t slot)
 {
     const struct request_machine *machine = &loop->config.requests->machine;
+    struct loop_moment *moment = &loop->requests.moment[slot];
     enum request_verdict verdict = REQUEST_UNAVAILABLE;
 
     if (machine->save && machine->restore) {
         verdict = machine->save(machine->context, slot);
     }
     if (verdict == REQUEST_OK) {
-        loop_save_moment(loop, &loop->requests.moment[slot]);
+        /* Copy the loop's own state (tick, lockstep, held frames) into a checkpoint slot */
+        uint64_t rx, tx;
+
+        loop_count_lost(loop, &rx, &tx);
+        moment->kept = true;
+        moment->ticks = loop->stats.ticks;
+        moment->lockstep = loop->lockstep;
+        if (loop->step_asked) {
+            moment->lockstep.ticks = 0; /* a restore does not repeat a REQUEST_STEP */
+        }
+        moment->lost_since_done = rx + tx - loop->lost_at_done;
+        moment->held_count = loop->held_count;
+        moment->held_seen = loop->held_seen;
+        if (moment->held) {
+            memcpy(moment->held, loop->held, loop->held_count * sizeof *loop->held);
+        }
     } else {
-        loop->requests.moment[slot].kept = false;
+        moment->kept = false;
     }
     return verdict;
 }
@@ -172,11 +149,30 @@ static enum request_verdict request_restore(struct loop *loop, size_t slot)
     if (loop->config.recorder) {
         return REQUEST_RECORDING;
     }
-    if (!loop->requests.moment[slot].kept) {
+
+    const struct loop_moment *moment = &loop->requests.moment[slot];
+
+    if (!moment->kept) {
         return slot == 0 ? REQUEST_UNAVAILABLE : REQUEST_EMPTY;
     }
     machine->restore(machine->context, slot);
-    loop_restore_moment(loop, &loop->requests.moment[slot]);
+
+    /* Restore the loop's own state, including time. Statistics and counters continue. */
+    struct lockstep_counters counters = loop->lockstep.counters;
+
+    loop->stats.ticks = moment->ticks;
+    loop->stats.time_ns = (int64_t)moment->ticks * loop->config.tick_ns;
+    loop->requests.push.until_ns = 0;
+    loop->lockstep = moment->lockstep;
+    loop->lockstep.counters = counters;
+    loop_count_lost(loop, &loop->rx_lost, &loop->tx_lost);
+    loop->lost_at_done = loop->rx_lost + loop->tx_lost - moment->lost_since_done;
+    loop->held_count = moment->held_count;
+    loop->held_seen = moment->held_seen;
+    if (moment->held) {
+        memcpy(loop->held, moment->held, moment->held_count * sizeof *loop->held);
+    }
+
     loop_emit_event(loop, LOOP_EVENT_RESTORED, -1, (int64_t)slot, (int64_t)loop->stats.ticks);
     return REQUEST_OK;
 }

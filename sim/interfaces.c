@@ -23,18 +23,6 @@ static struct interface_settings interface_settings_of(const struct rig_bus *bus
 
 /* ---- before the run ---- */
 
-/* Refuses an interface with another bit rate; the error says how to set it. */
-static enum error_code interface_refuse_bitrate(const struct rig_bus *bus, const char *name,
-                                                uint32_t actual, struct error *error)
-{
-    return error_set(error, ERROR_INPUT,
-                     "bus %s: interface %s runs at %u bit/s, expected %" PRId64
-                     " as the rig says; set it with `ip link set %s down && ip link set %s type "
-                     "can bitrate %" PRId64
-                     " && ip link set %s up`, or let the bus have configure: true",
-                     bus->name, name, actual, bus->bitrate, name, name, bus->bitrate, name);
-}
-
 /* Checks the data bit rate of FD frames, which libsocketcan cannot set. */
 static enum error_code interface_check_data_bitrate(const struct rig_bus *bus, const char *name,
                                                     const struct link_info *info,
@@ -78,7 +66,14 @@ static enum error_code interface_prepare(const struct rig_bus *bus, const char *
                    : ops->configure(ops->context, name, &settings, error);
     }
     return info.up && !interface_bitrate_fits(info.controller.timing.bitrate, bus->bitrate)
-               ? interface_refuse_bitrate(bus, name, info.controller.timing.bitrate, error)
+               ? error_set(
+                     error, ERROR_INPUT,
+                     "bus %s: interface %s runs at %u bit/s, expected %" PRId64
+                     " as the rig says; set it with `ip link set %s down && ip link set %s type "
+                     "can bitrate %" PRId64
+                     " && ip link set %s up`, or let the bus have configure: true",
+                     bus->name, name, info.controller.timing.bitrate, bus->bitrate, name, name,
+                     bus->bitrate, name)
                : ERROR_NONE;
 }
 

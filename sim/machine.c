@@ -193,26 +193,6 @@ int64_t simulator_hear(void *context, const struct bus_frame *frame)
     return boards_next_answer(simulator->boards, listener->bus);
 }
 
-/* Moves a wire to the end of the tick. It stops whenever an answer of a board is due, which then
- * enters the board's controller. */
-static void simulator_advance_bus(struct simulator *simulator, size_t bus, int64_t end_ns)
-{
-    struct bus_frame answer[ANSWERS];
-    int64_t at_ns = 0;
-
-    while (at_ns < end_ns) {
-        const int64_t due_ns = boards_next_answer(simulator->boards, bus);
-        size_t count;
-
-        at_ns = buses_advance(&simulator->buses, bus,
-                              simulator->buses.local && due_ns < end_ns ? due_ns : end_ns);
-        while (at_ns < end_ns &&
-               (count = boards_answer(simulator->boards, at_ns, at_ns, bus, answer, ANSWERS)) > 0) {
-            can_send(simulator->ports.port[bus], answer, count);
-        }
-    }
-}
-
 /* Moves the wires to the end of the tick. Boards that answer in the tick report the samples of its
  * beginning; they get those of its end afterwards. */
 static void machine_advance(void *context, int64_t now_ns)
@@ -221,7 +201,22 @@ static void machine_advance(void *context, int64_t now_ns)
 
     simulator->advance_ns = now_ns;
     for (size_t b = 0; b < simulator->config.rig->nbus; b++) {
-        simulator_advance_bus(simulator, b, now_ns);
+        /* Move a wire to the end of the tick. It stops whenever an answer of a board is due, which
+         * then enters the board's controller. */
+        struct bus_frame answer[ANSWERS];
+        int64_t at_ns = 0;
+
+        while (at_ns < now_ns) {
+            const int64_t due_ns = boards_next_answer(simulator->boards, b);
+            size_t count;
+
+            at_ns = buses_advance(&simulator->buses, b,
+                                  simulator->buses.local && due_ns < now_ns ? due_ns : now_ns);
+            while (at_ns < now_ns && (count = boards_answer(simulator->boards, at_ns, at_ns, b,
+                                                            answer, ANSWERS)) > 0) {
+                can_send(simulator->ports.port[b], answer, count);
+            }
+        }
     }
     boards_sample(simulator->boards, now_ns, simulator->measured);
 }

@@ -20,14 +20,6 @@ struct series {
 
 enum { SERIES_KIND = 3, SERIES_HEADER = 24 };
 
-/* ---- access to rows ---- */
-
-static int64_t series_time(const struct viewer *viewer, uint64_t row)
-{
-    return viewer->playback ? viewer->config.recording->signals.row[row].time_ns
-                            : history_time(viewer->history, row);
-}
-
 /* Reads the signals' values of a row. */
 static void series_read_row(const struct viewer *viewer, const struct series *series, uint64_t row,
                             double value[VIEWER_SIGNALS])
@@ -82,11 +74,6 @@ static size_t series_points(const struct series *series)
     uint64_t count = series->end - series->first;
 
     return (size_t)(series->step == 1 ? count : 2 * ((count + series->step - 1) / series->step));
-}
-
-static size_t series_bytes(const struct series *series)
-{
-    return SERIES_HEADER + series_points(series) * (8 + 4 * series->nsignal);
 }
 
 /* ---- bytes ---- */
@@ -146,7 +133,10 @@ static void series_put_points(const struct viewer *viewer, const struct series *
         for (size_t i = 0; i < points; i++, point++) {
             uint64_t at = row + i * (end - row) / 2;
 
-            to = put_f64(to, (double)series_time(viewer, at) * 1e-9);
+            to = put_f64(to, (double)(viewer->playback
+                                          ? viewer->config.recording->signals.row[at].time_ns
+                                          : history_time(viewer->history, at)) *
+                                 1e-9);
             for (size_t k = 0; k < series->nsignal; k++) {
                 put_f32(values + 4 * (k * npoint + point), pair[i][k]);
             }
@@ -157,7 +147,7 @@ static void series_put_points(const struct viewer *viewer, const struct series *
 static bool client_put_series(struct viewer *viewer, struct viewer_client *client,
                               const struct series *series, uint32_t id, uint64_t lost)
 {
-    size_t size = series_bytes(series);
+    size_t size = SERIES_HEADER + series_points(series) * (8 + 4 * series->nsignal);
     uint8_t *to = client_room(viewer, client, WEBSOCKET_HEADER + size), *at;
 
     if (!to) {

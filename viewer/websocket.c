@@ -50,9 +50,15 @@ static void sha1_add_block(uint32_t h[5], const uint8_t block[SHA1_BLOCK])
     h[4] += e;
 }
 
-/* Computes the digest of a text of at most two blocks, padding included. */
-static void sha1_digest(const char *text, uint8_t digest[SHA1_SIZE])
+void websocket_accept(const char *key, char accept[WEBSOCKET_ACCEPT])
 {
+    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    uint8_t digest[SHA1_SIZE + 1] = {0};
+    char text[96];
+
+    snprintf(text, sizeof text, "%.24s258EAFA5-E914-47DA-95CA-C5AB0DC85B11", key);
+
+    /* Compute the SHA-1 digest of the text, at most two blocks with padding */
     uint32_t h[5] = {0x67452301, 0xefcdab89, 0x98badcfe, 0x10325476, 0xc3d2e1f0};
     uint8_t block[2 * SHA1_BLOCK] = {0};
     size_t size = strlen(text), blocks = size + 9 > SHA1_BLOCK ? 2 : 1;
@@ -68,16 +74,6 @@ static void sha1_digest(const char *text, uint8_t digest[SHA1_SIZE])
     for (int i = 0; i < SHA1_SIZE; i++) {
         digest[i] = (uint8_t)(h[i / 4] >> (24 - 8 * (i % 4)));
     }
-}
-
-void websocket_accept(const char *key, char accept[WEBSOCKET_ACCEPT])
-{
-    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    uint8_t digest[SHA1_SIZE + 1] = {0};
-    char text[96];
-
-    snprintf(text, sizeof text, "%.24s258EAFA5-E914-47DA-95CA-C5AB0DC85B11", key);
-    sha1_digest(text, digest);
 
     /* Encode in base64: 20 bytes are six groups of three bytes, and two bytes */
     for (int i = 0; i < 7; i++) {

@@ -477,22 +477,6 @@ static void recorder_end_thread(struct recorder *recorder, struct recorder_count
     counters->events_unwritten = ring_count(&recorder->events) + recorder->order.count;
 }
 
-/* Counts the items accepted by each ring and the items missing in each file. */
-static void recorder_count(struct recorder *recorder, struct recorder_counters *counters)
-{
-    const struct line_file *file = recorder->file;
-
-    counters->frames = atomic_load(&recorder->tally.frames);
-    counters->rows = atomic_load(&recorder->tally.rows);
-    counters->events = atomic_load(&recorder->tally.events);
-    counters->frames_dropped = atomic_load(&recorder->tally.frames_dropped);
-    counters->rows_dropped = atomic_load(&recorder->tally.rows_dropped);
-    counters->events_dropped = atomic_load(&recorder->tally.events_dropped);
-    counters->frames_unwritten += file[FILE_FRAMES].unwritten;
-    counters->rows_unwritten += file[FILE_SIGNALS].unwritten;
-    counters->events_unwritten += file[FILE_EVENTS].unwritten;
-}
-
 enum error_code recorder_close(struct recorder *recorder, struct recorder_counters *counters,
                                struct error *error)
 {
@@ -500,7 +484,20 @@ enum error_code recorder_close(struct recorder *recorder, struct recorder_counte
 
     *c = (struct recorder_counters){0};
     recorder_end_thread(recorder, c);
-    recorder_count(recorder, c);
+
+    /* Count the items accepted by each ring and the items missing in each file */
+    const struct line_file *file = recorder->file;
+
+    c->frames = atomic_load(&recorder->tally.frames);
+    c->rows = atomic_load(&recorder->tally.rows);
+    c->events = atomic_load(&recorder->tally.events);
+    c->frames_dropped = atomic_load(&recorder->tally.frames_dropped);
+    c->rows_dropped = atomic_load(&recorder->tally.rows_dropped);
+    c->events_dropped = atomic_load(&recorder->tally.events_dropped);
+    c->frames_unwritten += file[FILE_FRAMES].unwritten;
+    c->rows_unwritten += file[FILE_SIGNALS].unwritten;
+    c->events_unwritten += file[FILE_EVENTS].unwritten;
+
     /* Report the first file that ended early; if there is none, report the drops */
     for (int f = 0; f < RECORDER_FILES; f++) {
         if (atomic_load(&recorder->file[f].ended)) {
