@@ -102,10 +102,22 @@ static bool find_created(const struct plant *plant, const struct plant_account_m
     return created->energy_j > ACCOUNT_SHARE * created->turnover_j + lift;
 }
 
-/* Computes the stored energy without the oil and without imposed rotors, whose inertia is so large
- * that it would hide all other energy. */
-static double stored_of_account(struct plant *plant)
+bool plant_check_energy(struct plant *plant, struct plant_created *created)
 {
+    struct plant_account *account = &plant->account;
+    struct contact_world *contact = plant->config.contact;
+    struct plant_account_moment now = {.time_ns = plant->time_ns};
+    bool found;
+
+    /* The account cannot measure the energy of a clamp, or of a caller that writes the state */
+    if (plant->clamped || plant->handed_out) {
+        account->runs = false;
+        return false;
+    }
+    memcpy(now.sum, account->sum, sizeof now.sum);
+
+    /* Compute the stored energy without the oil and without imposed rotors, whose inertia is so
+     * large that it would hide all other energy */
     double inertia = 0.0, stored;
 
     for (size_t d = 0; d < plant->ndrive; d++) {
@@ -120,23 +132,8 @@ static double stored_of_account(struct plant *plant)
             plant->sea[d].J = inertia;
         }
     }
-    return stored;
-}
+    now.stored = stored;
 
-bool plant_check_energy(struct plant *plant, struct plant_created *created)
-{
-    struct plant_account *account = &plant->account;
-    struct contact_world *contact = plant->config.contact;
-    struct plant_account_moment now = {.time_ns = plant->time_ns};
-    bool found;
-
-    /* The account cannot measure the energy of a clamp, or of a caller that writes the state */
-    if (plant->clamped || plant->handed_out) {
-        account->runs = false;
-        return false;
-    }
-    memcpy(now.sum, account->sum, sizeof now.sum);
-    now.stored = stored_of_account(plant);
     if (contact && plant->implicit) {
         const size_t count = contact->ops->patches(contact, plant->patch, PLANT_PATCHES);
 

@@ -147,21 +147,6 @@ static void quaternion_rate(const double quaternion[4], const double w[3], doubl
     }
 }
 
-/* Computes the angular acceleration by Euler's equation about the center of mass, in the body
- * frame: I w' = moment - w x I w. */
-static void spin_rate(const struct plant *plant, size_t b, const double w[3],
-                      const struct wrench *ext, double rate[3])
-{
-    const struct robot_inertia *inertia = &plant->config.free[b].inertia;
-    double momentum[3], moment[3];
-
-    memcpy(moment, ext->moment, sizeof moment);
-    vec3_add_cross(ext->force, inertia->com, moment);
-    sym3_apply(inertia->I, w, momentum);
-    vec3_add_cross(momentum, w, moment);
-    sym3_apply(plant->free_inverse[b].I, moment, rate);
-}
-
 void plant_free_derive(const struct plant *plant, const double *state, double *derivative)
 {
     const struct robot *robot = plant->config.robot;
@@ -180,7 +165,18 @@ void plant_free_derive(const struct plant *plant, const double *state, double *d
             out[PLANT_FREE_VELOCITY + i] =
                 robot->gravity[i] + force[i] / plant->config.free[b].inertia.mass;
         }
-        spin_rate(plant, b, y + PLANT_FREE_SPIN, ext, out + PLANT_FREE_SPIN);
+
+        /* Compute the angular acceleration by Euler's equation about the center of mass, in the
+         * body frame: I w' = moment - w x I w */
+        const double *w = y + PLANT_FREE_SPIN;
+        const struct robot_inertia *inertia = &plant->config.free[b].inertia;
+        double momentum[3], moment[3];
+
+        memcpy(moment, ext->moment, sizeof moment);
+        vec3_add_cross(ext->force, inertia->com, moment);
+        sym3_apply(inertia->I, w, momentum);
+        vec3_add_cross(momentum, w, moment);
+        sym3_apply(plant->free_inverse[b].I, moment, out + PLANT_FREE_SPIN);
     }
 }
 

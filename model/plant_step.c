@@ -14,11 +14,10 @@
 #include <math.h>
 #include <string.h>
 
-static const char not_accurate[] = "dopri5 does not reach its tolerances: the model is too "
-                                   "stiff for it, or an input is far out of range";
-static const char diverged[] =
-    "the state is no longer finite: the substep is too long for the stiffness of the model, or an "
-    "input is far out of range";
+static const char not_accurate[] = "dopri5 does not reach its tolerances: the model is too stiff "
+                                   "for it, or an input is far out of range";
+static const char diverged[] = "the state is no longer finite: the substep is too long for the "
+                               "stiffness of the model, or an input is far out of range";
 
 /* Inertia of a fixed rotor, kg m2. It is so large that the rotor's position stays bit-identical
  * with each integrator. */

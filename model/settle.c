@@ -51,10 +51,10 @@ static double find_push(const struct settle *s, const struct rest *rest)
 static enum error_code refuse_sliding(const struct settle *s, const struct rest *rest,
                                       struct error *error)
 {
-    return error_set(error, ERROR_INPUT,
-                     "%s would slide: %.3g N are missing to hold it sideways, of its weight of "
-                     "%.4g N",
-                     rest->name, find_push(s, rest), rest->weight);
+    return error_set(
+        error, ERROR_INPUT,
+        "%s would slide: %.3g N are missing to hold it sideways, of its weight of %.4g N",
+        rest->name, find_push(s, rest), rest->weight);
 }
 
 /* Refuses a body that has left the limits of the search. */
@@ -72,11 +72,10 @@ static enum error_code check_search_bounds(const struct settle *s, struct error 
                              rest->name, lever);
         }
         if (rest->risen < -DEEPEST) {
-            return error_set(
-                error, ERROR_INPUT,
-                "%s is not supported: %.1f m below its start only %.1f %% of its weight "
-                "of %.4g N is carried",
-                rest->name, DEEPEST, 100.0 * fmax(0.0, carried), rest->weight);
+            return error_set(error, ERROR_INPUT,
+                             "%s is not supported: %.1f m below its start only %.1f %% of its "
+                             "weight of %.4g N is carried",
+                             rest->name, DEEPEST, 100.0 * fmax(0.0, carried), rest->weight);
         }
         if (rest->moved[0] * rest->moved[0] + rest->moved[1] * rest->moved[1] >
             FARTHEST * FARTHEST) {
@@ -106,10 +105,9 @@ static enum error_code refuse_toppling(const struct settle *s, struct error *err
  * wrong. */
 static enum error_code not_converged(const struct settled *settled, struct error *error)
 {
-    return error_prefix(error,
-                        "the search did not converge in %zu iterations (%.2g of the weight is "
-                        "unbalanced)",
-                        settled->iterations, settled->residual);
+    return error_prefix(
+        error, "the search did not converge in %zu iterations (%.2g of the weight is unbalanced)",
+        settled->iterations, settled->residual);
 }
 
 /* Iterates to rest by damped Newton steps. Returns ERROR_INPUT if there is no equilibrium within
@@ -492,10 +490,10 @@ static enum error_code find_equilibrium(struct settle *s, bool holds, struct set
     settle_begin(s, holds);
     for (int k = 0; k == 0 || lean_on_stops(s); k++) {
         if (k == LEANINGS) {
-            return error_set(error, ERROR_INPUT,
-                             "the search did not converge: joints at their limits still move after "
-                             "%d rounds",
-                             LEANINGS);
+            return error_set(
+                error, ERROR_INPUT,
+                "the search did not converge: joints at their limits still move after %d rounds",
+                LEANINGS);
         }
         if ((code = iterate_to_rest(s, settled, error)) ||
             (code = check_equilibrium(s, settled, error))) {

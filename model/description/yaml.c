@@ -189,10 +189,9 @@ static enum error_code choose_variant(struct robot_builder *b, const char *name,
         return ERROR_NONE;
     }
     if (file->nvariant == 0) {
-        code = yaml_error(b->error, mark,
-                          "found variant \"%.63s\" of a robot without variants, "
-                          "expected none",
-                          name);
+        code =
+            yaml_error(b->error, mark,
+                       "found variant \"%.63s\" of a robot without variants, expected none", name);
     } else {
         code = yaml_find_name(YAML_NAMES(file->variant, file->nvariant, name), "variant", name,
                               mark, &at, b->error);

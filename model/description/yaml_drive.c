@@ -121,9 +121,9 @@ enum error_code robot_check_own_drives(struct robot_builder *b)
 
     return robot_drive_kind(&file->drive) == DRIVE_HYDRAULIC &&
                    robot_drive_kind(&file->hydraulic) == DRIVE_HYDRAULIC
-               ? yaml_error(b->error, &file->hydraulic.mark,
-                            "found key \"hydraulic\" beside a hydraulic \"drive\", expected one of "
-                            "them")
+               ? yaml_error(
+                     b->error, &file->hydraulic.mark,
+                     "found key \"hydraulic\" beside a hydraulic \"drive\", expected one of them")
                : ERROR_NONE;
 }
 
@@ -415,12 +415,11 @@ static enum error_code build_electric(struct robot_builder *b, const struct join
     /* Only the parameters before deflection_rad are required */
     for (; strcmp(row->key, "deflection_rad") != 0; row++) {
         if (!yaml_has(&drive.mark, row->key)) {
-            return yaml_error(
-                b->error, &given->drive.mark,
-                "found the drive of joint \"%s\" without key \"%s\", expected it here%s "
-                "or in the robot's own drive",
-                given->joint.name, row->key,
-                given->drive.file ? ", in the file of the drive," : "");
+            return yaml_error(b->error, &given->drive.mark,
+                              "found the drive of joint \"%s\" without key \"%s\", expected it "
+                              "here%s or in the robot's own drive",
+                              given->joint.name, row->key,
+                              given->drive.file ? ", in the file of the drive," : "");
         }
     }
     /* Set the paper's constants, then the extensions */

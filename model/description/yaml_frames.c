@@ -213,11 +213,10 @@ static enum error_code check_unnamed_joints(struct robot_builder *b, const struc
 
         if ((joint->lower > 0.0 || joint->upper < 0.0) && !find_position(given, joint->name) &&
             !robot_find_coupling(b->robot, j)) {
-            return yaml_error(
-                b->error, &given->mark,
-                "found pose \"%s\" without joint \"%s\", expected it: its limits %g to "
-                "%g exclude zero",
-                given->pose.name, joint->name, joint->lower, joint->upper);
+            return yaml_error(b->error, &given->mark,
+                              "found pose \"%s\" without joint \"%s\", expected it: its limits %g "
+                              "to %g exclude zero",
+                              given->pose.name, joint->name, joint->lower, joint->upper);
         }
     }
     return ERROR_NONE;
@@ -244,11 +243,10 @@ static enum error_code align_followers(struct robot_builder *b, const struct pos
         const double near = COUPLING_ALIGNED * fmax(1.0, fabs(aligned[j]));
 
         if (entry && fabs(position[j] - aligned[j]) > near) {
-            return yaml_error(b->error, &entry->mark,
-                              "found joint \"%s\" at %g, expected %.9g, where \"%s\" leads it, or "
-                              "no such key",
-                              joint->name, position[j], aligned[j],
-                              robot->joint[robot->coupling[i].leader].name);
+            return yaml_error(
+                b->error, &entry->mark,
+                "found joint \"%s\" at %g, expected %.9g, where \"%s\" leads it, or no such key",
+                joint->name, position[j], aligned[j], robot->joint[robot->coupling[i].leader].name);
         }
         if (aligned[j] < joint->lower - near || aligned[j] > joint->upper + near) {
             return yaml_error(b->error, &given->mark,

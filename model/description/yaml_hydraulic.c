@@ -38,18 +38,17 @@ static enum error_code build_cylinder(struct robot_builder *b, const struct driv
         if (!yaml_has(&merged.mark, row->key) && (joint || !robot_key_is_of_triangle(row->key))) {
             /* Refuse a hydraulic drive with a missing key. `joint` is NULL for
              * a drive file. */
-            return joint
-                       ? yaml_error(b->error, &drive->mark,
-                                    "found the hydraulic drive of joint \"%s\" without key \"%s\", "
-                                    "expected it here%s or in the robot's own drive",
-                                    joint, row->key,
-                                    robot_key_is_of_triangle(row->key)
-                                        ? " (the triangle is the joint's)"
-                                    : drive->file ? ", in the file of the drive,"
-                                                  : "")
-                       : yaml_error(b->error, &drive->mark,
-                                    "found a hydraulic drive without key \"%s\", expected it",
-                                    row->key);
+            return joint ? yaml_error(b->error, &drive->mark,
+                                      "found the hydraulic drive of joint \"%s\" without key "
+                                      "\"%s\", expected it here%s or in the robot's own drive",
+                                      joint, row->key,
+                                      robot_key_is_of_triangle(row->key)
+                                          ? " (the triangle is the joint's)"
+                                      : drive->file ? ", in the file of the drive,"
+                                                    : "")
+                         : yaml_error(b->error, &drive->mark,
+                                      "found a hydraulic drive without key \"%s\", expected it",
+                                      row->key);
         }
     }
     if (!code && merged.rod >= merged.bore) {

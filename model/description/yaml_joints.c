@@ -79,18 +79,18 @@ static enum error_code refuse_parent(struct robot_builder *b, size_t j)
      * wrong */
     for (size_t step = 0; up >= 0 && step < file->njoint; step++) {
         if ((size_t)up == j) {
-            return yaml_error(b->error, yaml_place(&joint->mark, "parent"),
-                              "found a cycle: body \"%s\" hangs on \"%s\", which hangs on it, "
-                              "expected a tree",
-                              joint->child, joint->parent);
+            return yaml_error(
+                b->error, yaml_place(&joint->mark, "parent"),
+                "found a cycle: body \"%s\" hangs on \"%s\", which hangs on it, expected a tree",
+                joint->child, joint->parent);
         }
         up = joint_that_moves(file, file->joint[up].parent);
     }
-    return yaml_error(b->error, yaml_place(&joint->mark, "parent"),
-                      "found parent \"%s\" before joint \"%s\" that moves it (line %d), expected "
-                      "parents first",
-                      joint->parent, file->joint[joint_that_moves(file, joint->parent)].joint.name,
-                      file->joint[joint_that_moves(file, joint->parent)].mark.line);
+    return yaml_error(
+        b->error, yaml_place(&joint->mark, "parent"),
+        "found parent \"%s\" before joint \"%s\" that moves it (line %d), expected parents first",
+        joint->parent, file->joint[joint_that_moves(file, joint->parent)].joint.name,
+        file->joint[joint_that_moves(file, joint->parent)].mark.line);
 }
 
 /* Finds the body that joint j moves. Checks that no other joint moves it and that it is not the
@@ -106,17 +106,16 @@ static enum error_code check_joint_child(struct robot_builder *b, size_t j, int 
         return code;
     }
     if (strcmp(joint->child, file->base) == 0) {
-        return yaml_error(b->error, yaml_place(&joint->mark, "child"),
-                          "found the base \"%s\" as a joint's child, expected a body that hangs on "
-                          "another",
-                          joint->child);
+        return yaml_error(
+            b->error, yaml_place(&joint->mark, "child"),
+            "found the base \"%s\" as a joint's child, expected a body that hangs on another",
+            joint->child);
     }
     if ((size_t)first != j) {
-        return yaml_error(b->error, yaml_place(&joint->mark, "child"),
-                          "found body \"%s\" moved by a second joint, expected one (\"%s\" in line "
-                          "%d moves it)",
-                          joint->child, file->joint[first].joint.name,
-                          file->joint[first].mark.line);
+        return yaml_error(
+            b->error, yaml_place(&joint->mark, "child"),
+            "found body \"%s\" moved by a second joint, expected one (\"%s\" in line %d moves it)",
+            joint->child, file->joint[first].joint.name, file->joint[first].mark.line);
     }
     return ERROR_NONE;
 }
@@ -213,10 +212,10 @@ static enum error_code build_passive(struct robot_builder *b, const struct joint
 
     joint->passive = from->passive;
     return robot_count_keys(&from->mark, keys[1 - joint->type], 3) > 0
-               ? yaml_error(b->error, &from->mark,
-                            "found a passive spring of %s joint \"%s\", expected the keys %s, %s, "
-                            "%s",
-                            type_word[joint->type], joint->name, key[0], key[1], key[2])
+               ? yaml_error(
+                     b->error, &from->mark,
+                     "found a passive spring of %s joint \"%s\", expected the keys %s, %s, %s",
+                     type_word[joint->type], joint->name, key[0], key[1], key[2])
                : ERROR_NONE;
 }
 

@@ -12,11 +12,6 @@ enum { PARTS_MAX = 8, TRIALS = 24 };
 #define LIMIT_TOLERANCE 1e-9
 #define END_TOLERANCE 1e-7
 
-static double clamp_current(double x, double limit)
-{
-    return x > limit ? limit : x < -limit ? -limit : x;
-}
-
 /* Returns f t seconds after a start at f, and adds its integral. */
 static double follow_filter(double filter_s, double command, double f, double t, double *integral)
 {
@@ -64,7 +59,7 @@ double loop_target(const struct current_loop *loop, double t, double qm, double 
     if (whole) {
         *whole = target;
     }
-    return clamp_current(target, law->limit);
+    return target > law->limit ? law->limit : target < -law->limit ? -law->limit : target;
 }
 
 void loop_fill_row(const struct robot_sea *sea, const struct current_loop *loop,
@@ -129,40 +124,28 @@ struct loop_regime loop_find_regime(const struct loop_span *span, double t,
                            : (struct loop_regime){LOOP_LIMITED, target < whole ? 1.0 : -1.0};
 }
 
-/* Fills the inputs of a flow that starts at t, `passed` seconds after the start of the span. */
-static void fill_inputs(const struct loop_span *span, const struct loop_regime *regime, double t,
-                        double passed, const struct sea_state *state, double input[LOOP_INPUTS])
-{
-    const struct current_loop *loop = span->loop;
-    const struct loop_command *command = loop_command_at(loop, t), *law = &loop->command[1];
-    const bool is_free = regime->kind == LOOP_FREE;
-
-    input[LOOP_DEFLECTION] = state->qm - (span->q + passed * span->rate + span->shift);
-    input[LOOP_SPEED] = state->qmd;
-    input[LOOP_CURRENT] = state->I;
-    input[LOOP_ERROR] = is_free ? command->position - state->qm : 0.0;
-    input[LOOP_FILTER] = is_free ? loop_filtered(loop, t) - command->current : 0.0;
-    input[LOOP_RATE] = span->rate;
-    input[LOOP_CONSTANT] =
-        is_free ? command->current + law->damping * command->speed
-                : regime->side * (regime->kind == LOOP_SATURATED ? loop->supply : law->limit);
-}
-
-/* Advances a state and its slope by a flow. */
+/* Advances a state and its slope by a flow that starts at t, `passed` seconds after the start of
+ * the span. */
 static void follow_flow(const struct loop_span *span, const struct loop_regime *regime,
                         const struct loop_flow *flow, double t, double passed,
                         struct sea_state *state, struct sea_state *slope)
 {
-    double input[LOOP_INPUTS];
-    const double tangent[LOOP_INPUTS] = {slope->qm - passed,
-                                         slope->qmd,
-                                         slope->I,
-                                         regime->kind == LOOP_FREE ? -slope->qm : 0.0,
-                                         0.0,
-                                         1.0,
-                                         0.0};
+    const struct current_loop *loop = span->loop;
+    const struct loop_command *command = loop_command_at(loop, t), *law = &loop->command[1];
+    const bool is_free = regime->kind == LOOP_FREE;
+    const double tangent[LOOP_INPUTS] = {
+        slope->qm - passed, slope->qmd, slope->I, is_free ? -slope->qm : 0.0, 0.0, 1.0, 0.0};
+    const double input[LOOP_INPUTS] = {
+        [LOOP_DEFLECTION] = state->qm - (span->q + passed * span->rate + span->shift),
+        [LOOP_SPEED] = state->qmd,
+        [LOOP_CURRENT] = state->I,
+        [LOOP_ERROR] = is_free ? command->position - state->qm : 0.0,
+        [LOOP_FILTER] = is_free ? loop_filtered(loop, t) - command->current : 0.0,
+        [LOOP_RATE] = span->rate,
+        [LOOP_CONSTANT] =
+            is_free ? command->current + law->damping * command->speed
+                    : regime->side * (regime->kind == LOOP_SATURATED ? loop->supply : law->limit)};
 
-    fill_inputs(span, regime, t, passed, state, input);
     loop_flow_add(flow, input, state);
     loop_flow_add(flow, tangent, slope);
 }

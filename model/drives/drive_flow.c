@@ -40,25 +40,6 @@ static void flow_fill_matrix(const struct robot_sea *sea, bool bridge_on, double
     };
 }
 
-/* Fills M with the matrix of a loop times t. */
-static void loop_fill_matrix(const struct robot_sea *sea, const struct loop_row *row, double t,
-                             struct flow_system *system)
-{
-    const double inertia = t / sea->J;
-
-    *system = (struct flow_system){
-        .n = LOOP_STATES,
-        .m = LOOP_INPUTS,
-        .M = {{0.0, t, 0.0, 0.0, 0.0, -t, 0.0},
-              {-sea->Ks * inertia, -(sea->Dm + sea->Ds) * inertia, sea->Kt * inertia, 0.0, 0.0,
-               sea->Ds * inertia, 0.0},
-              {0.0, -row->speed * t, -row->current * t, row->error * t, row->filter * t, 0.0,
-               row->constant * t},
-              {0.0, -t},
-              {0.0, 0.0, 0.0, 0.0, row->filter_s > 0.0 ? -t / row->filter_s : 0.0}},
-    };
-}
-
 /* Returns the row-sum norm of the states' part of a matrix. */
 static double flow_norm(const struct flow_system *system)
 {
@@ -155,10 +136,20 @@ void drive_flow_make(const struct robot_sea *sea, bool bridge_on, double t, stru
 void loop_flow_make(const struct robot_sea *sea, const struct loop_row *row, double t,
                     struct loop_flow *flow)
 {
-    struct flow_system system;
+    const double inertia = t / sea->J;
+    struct flow_system system = {
+        .n = LOOP_STATES,
+        .m = LOOP_INPUTS,
+        .M = {{0.0, t, 0.0, 0.0, 0.0, -t, 0.0},
+              {-sea->Ks * inertia, -(sea->Dm + sea->Ds) * inertia, sea->Kt * inertia, 0.0, 0.0,
+               sea->Ds * inertia, 0.0},
+              {0.0, -row->speed * t, -row->current * t, row->error * t, row->filter * t, 0.0,
+               row->constant * t},
+              {0.0, -t},
+              {0.0, 0.0, 0.0, 0.0, row->filter_s > 0.0 ? -t / row->filter_s : 0.0}},
+    };
     flow_matrix E;
 
-    loop_fill_matrix(sea, row, t, &system);
     flow_exponential(&system, E);
     flow->t = t;
     memcpy(flow->qm, E[0], sizeof flow->qm);

@@ -291,36 +291,6 @@ static void account_part(const struct effects_span *span, double q, double h,
     }
 }
 
-/* Advances one part. *deflection: deflection at the start of the part; on return, at its end. */
-static void advance_part(const struct effects_span *span, double q, double h, double *deflection,
-                         struct effects_state *state, struct effects_power *work)
-{
-    struct effects_mode mode = effects_find_mode(span->sea, state, q, span->qd, &span->bridge);
-    const double q_end = q + h * span->qd;
-    struct effects_state end = *state;
-    struct part_events events = {.any = false};
-
-    /* Advance the rotor, then the current, each with its event */
-    if (mode.slide == 0) {
-        end.sea.I = flow_winding(span, &mode, state, state->sea.I, h);
-    } else {
-        slide_rotor(span, q, *deflection, h, &mode, state, &end);
-        if (effects_sticks(span->sea) && end.sea.qmd * mode.slide < 0.0) {
-            stop_rotor(span, q, *deflection, h, state, &end);
-            events.any = true;
-        }
-    }
-    if (span->bridge.hold > 0.0 && end.sea.I * mode.flow < 0.0) {
-        stop_current(span, q_end, h, &mode, state, &end, &events);
-    }
-    follow_hysteresis(span, *deflection, q_end, state, &end, work);
-    if (work) {
-        account_part(span, q, h, &events, &mode, state, &end, work);
-    }
-    *deflection = effects_deflection(span->sea, end.sea.qm, q_end);
-    *state = end;
-}
-
 void effects_advance(const struct effects_span *span, double q, struct effects_state *state,
                      struct effects_power *work)
 {
@@ -329,7 +299,31 @@ void effects_advance(const struct effects_span *span, double q, struct effects_s
     double deflection = effects_deflection(span->sea, state->sea.qm, q);
 
     for (int part = 0; part < EFFECTS_PARTS; part++) {
-        advance_part(span, q, h, &deflection, state, work);
+        struct effects_mode mode = effects_find_mode(span->sea, state, q, span->qd, &span->bridge);
+        const double q_end = q + h * span->qd;
+        struct effects_state end = *state;
+        struct part_events events = {.any = false};
+
+        /* Advance the rotor, then the current, each with its event */
+        if (mode.slide == 0) {
+            end.sea.I = flow_winding(span, &mode, state, state->sea.I, h);
+        } else {
+            slide_rotor(span, q, deflection, h, &mode, state, &end);
+            if (effects_sticks(span->sea) && end.sea.qmd * mode.slide < 0.0) {
+                stop_rotor(span, q, deflection, h, state, &end);
+                events.any = true;
+            }
+        }
+        if (span->bridge.hold > 0.0 && end.sea.I * mode.flow < 0.0) {
+            stop_current(span, q_end, h, &mode, state, &end, &events);
+        }
+        follow_hysteresis(span, deflection, q_end, state, &end, work);
+        if (work) {
+            account_part(span, q, h, &events, &mode, state, &end, work);
+        }
+        deflection = effects_deflection(span->sea, end.sea.qm, q_end);
+        *state = end;
+
         q += h * span->qd;
     }
     if (work) {

@@ -38,26 +38,6 @@ void supply_switch_chopper(const struct supply_bus *bus, double state[SUPPLY_STA
     }
 }
 
-/* Computes the voltage at the middle of a part of h seconds that begins at voltage V, by Newton's
- * method. The voltage is the root m of 2 C (m - V) m = h (source - losses) - energy. The left side
- * is the change of C V^2/2. */
-static double find_middle(const struct supply_bus *bus, double source_v, double ohm, double energy,
-                          double h, double V, double conductance)
-{
-    double m = V;
-
-    for (int k = 0; k < NEWTON_STEPS; k++) {
-        const double I = source_current(bus, source_v, ohm, m), slope = I != 0.0 ? -1.0 / ohm : 0.0;
-        const double f =
-            2.0 * bus->capacitance_f * (m - V) * m - h * (I * m - conductance * m * m) + energy;
-        const double df =
-            2.0 * bus->capacitance_f * (2.0 * m - V) - h * (I + slope * m - 2.0 * conductance * m);
-
-        m = fmax(0.5 * (V + SUPPLY_LEAST_V), df > 0.0 ? m - f / df : m);
-    }
-    return m;
-}
-
 void supply_advance(const struct supply_bus *bus, double source_v, double ohm, double energy,
                     double t, double state[SUPPLY_STATE], double work[3])
 {
@@ -66,7 +46,23 @@ void supply_advance(const struct supply_bus *bus, double source_v, double ohm, d
     for (int part = 0; part < SUPPLY_PARTS; part++) {
         const double conductance = state[SUPPLY_CHOPPING] != 0.0 ? 1.0 / bus->brake_ohm : 0.0;
         const double V = state[SUPPLY_VOLTAGE];
-        const double m = find_middle(bus, source_v, ohm, energy / SUPPLY_PARTS, h, V, conductance);
+
+        /* Compute the voltage at the middle of a part of h seconds that begins at voltage V, by
+         * Newton's method. The voltage is the root m of 2 C (m - V) m = h (source - losses) -
+         * energy. The left side is the change of C V^2/2. */
+        double m = V;
+
+        for (int k = 0; k < NEWTON_STEPS; k++) {
+            const double I = source_current(bus, source_v, ohm, m),
+                         slope = I != 0.0 ? -1.0 / ohm : 0.0;
+            const double f = 2.0 * bus->capacitance_f * (m - V) * m -
+                             h * (I * m - conductance * m * m) + energy / SUPPLY_PARTS;
+            const double df = 2.0 * bus->capacitance_f * (2.0 * m - V) -
+                              h * (I + slope * m - 2.0 * conductance * m);
+
+            m = fmax(0.5 * (V + SUPPLY_LEAST_V), df > 0.0 ? m - f / df : m);
+        }
+
         const double I = source_current(bus, source_v, ohm, m);
         const double stored = 2.0 * C * (m - V) * m;
         const double chopper = h * conductance * m * m, loss = h * ohm * I * I;

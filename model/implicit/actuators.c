@@ -362,24 +362,6 @@ void implicit_linearize_actuators(struct plant *plant)
 
 /* ---- end of a span, and the accounts ---- */
 
-/* Adds weight times the powers of a drive to the accounts. */
-static void account_drive(const struct plant *plant, size_t d, const struct sea_state *drive,
-                          double q, double qd, double weight, double *work)
-{
-    double voltage = plant->voltage[d];
-    struct sea_power power;
-
-    /* A current controller's voltage without L I', whose energy account_span adds */
-    if (plant->loop[d].on) {
-        voltage = plant->sea[d].R * drive->I + plant->sea[d].Kw * drive->qmd;
-    }
-    sea_power(&plant->sea[d], drive, q, qd, voltage, &power);
-    work[WORK_ELECTRICAL] += weight * power.electrical;
-    work[WORK_JOULE] += weight * power.joule;
-    work[WORK_FRICTION] += weight * power.friction;
-    work[WORK_SPRING_DAMPING] += weight * power.spring_damping;
-}
-
 /* Adds the integrals of a drive's powers over a span, from the exact states at its quarters
  * (Simpson's rule). */
 static void account_span(struct plant *plant, size_t d, enum spring_law law,
@@ -396,7 +378,21 @@ static void account_span(struct plant *plant, size_t d, enum spring_law law,
     part.step_s /= ACCOUNT_PARTS;
     im->work[WORK_ELECTRICAL] -= stored * drive.I * drive.I;
     for (int k = 0; k <= ACCOUNT_PARTS; k++) {
-        account_drive(plant, d, &drive, q, qd, simpson[k] * t / 3.0, im->work);
+        /* Add weight times the powers of a drive to the accounts */
+        double weight = simpson[k] * t / 3.0;
+        double voltage = plant->voltage[d];
+        struct sea_power power;
+
+        /* A current controller's voltage without L I', whose energy account_span adds */
+        if (plant->loop[d].on) {
+            voltage = plant->sea[d].R * drive.I + plant->sea[d].Kw * drive.qmd;
+        }
+        sea_power(&plant->sea[d], &drive, q, qd, voltage, &power);
+        im->work[WORK_ELECTRICAL] += weight * power.electrical;
+        im->work[WORK_JOULE] += weight * power.joule;
+        im->work[WORK_FRICTION] += weight * power.friction;
+        im->work[WORK_SPRING_DAMPING] += weight * power.spring_damping;
+
         if (k == ACCOUNT_PARTS) {
             break;
         }

@@ -105,40 +105,6 @@ static bool pair_reverses(const struct plant *plant, const struct contact_tangen
            0.0;
 }
 
-/* Linearizes one pair at the point. */
-static void linearize_pair(struct plant *plant, struct contact_tangent *tangent,
-                           struct active_pair *pair)
-{
-    struct implicit *im = plant->implicit;
-    const struct spatial none = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-    const double h = im->stage_h;
-    double A[21];
-
-    /* Store the pair's state at the point */
-    pair->index = tangent->pair;
-    pair->body[PAIR_A] = tangent->body_a;
-    pair->body[PAIR_B] = tangent->body_b;
-    memcpy(pair->center, tangent->center, sizeof pair->center);
-    pair->point = relative_twist(plant, pair, im->twist_point);
-    memset(&pair->beyond, 0, sizeof pair->beyond);
-    pair->settled = tangent->sliding > 0.0 && pair_reverses(plant, tangent, pair);
-    if (pair->settled) {
-        add_scaled(1.0, tangent->slide_D, tangent->D, 21);
-        add_scaled(1.0, tangent->slide_D, tangent->friction_D, 21);
-    }
-    pair->followed = pair->followed_1 = pair->found_1 = tangent->pressing;
-
-    /* A = h (D + h K) */
-    memset(&pair->A, 0, sizeof pair->A);
-    memset(&pair->changed, 0, sizeof pair->changed);
-    for (int i = 0; i < 21; i++) {
-        A[i] = h * (tangent->D[i] + h * tangent->K[i]);
-    }
-    change_pair(plant, pair, &none, 1.0, A);
-    im->coupled |=
-        implicit_moves(plant, pair->body[PAIR_A]) && implicit_moves(plant, pair->body[PAIR_B]);
-}
-
 enum error_code implicit_linearize_contact(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -178,7 +144,36 @@ enum error_code implicit_linearize_contact(struct plant *plant)
         implicit_contact_accelerations(plant, im->a_point, im->twist_point);
     }
     for (size_t t = 0; t < im->nactive; t++) {
-        linearize_pair(plant, &im->tangent[t], &im->active[t]);
+        /* Linearize one pair at the point */
+        struct contact_tangent *tangent = &im->tangent[t];
+        struct active_pair *pair = &im->active[t];
+        const struct spatial none = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+        const double h = im->stage_h;
+        double A[21];
+
+        /* Store the pair's state at the point */
+        pair->index = tangent->pair;
+        pair->body[PAIR_A] = tangent->body_a;
+        pair->body[PAIR_B] = tangent->body_b;
+        memcpy(pair->center, tangent->center, sizeof pair->center);
+        pair->point = relative_twist(plant, pair, im->twist_point);
+        memset(&pair->beyond, 0, sizeof pair->beyond);
+        pair->settled = tangent->sliding > 0.0 && pair_reverses(plant, tangent, pair);
+        if (pair->settled) {
+            add_scaled(1.0, tangent->slide_D, tangent->D, 21);
+            add_scaled(1.0, tangent->slide_D, tangent->friction_D, 21);
+        }
+        pair->followed = pair->followed_1 = pair->found_1 = tangent->pressing;
+
+        /* A = h (D + h K) */
+        memset(&pair->A, 0, sizeof pair->A);
+        memset(&pair->changed, 0, sizeof pair->changed);
+        for (int i = 0; i < 21; i++) {
+            A[i] = h * (tangent->D[i] + h * tangent->K[i]);
+        }
+        change_pair(plant, pair, &none, 1.0, A);
+        im->coupled |=
+            implicit_moves(plant, pair->body[PAIR_A]) && implicit_moves(plant, pair->body[PAIR_B]);
     }
     return ERROR_NONE;
 }
@@ -203,20 +198,6 @@ void implicit_add_contact_inertia(struct plant *plant)
     }
 }
 
-/* Computes beyond and decrease of a pair from the accelerations of the contact bodies. */
-static void find_decrease(const struct plant *plant, struct active_pair *pair)
-{
-    struct spatial *beyond = &pair->beyond;
-
-    /* The wrench decreases by A times the relative acceleration in excess of the point's */
-    *beyond = relative_twist(plant, pair, plant->implicit->twist_z);
-    for (int i = 0; i < 3; i++) {
-        beyond->l[i] -= pair->point.l[i];
-        beyond->a[i] -= pair->point.a[i];
-    }
-    spatial_inertia_apply(&pair->A, beyond, &pair->decrease);
-}
-
 /* Computes the wrench of a pair's friction on b at its center, at the stage. */
 static void find_friction_wrench(const struct plant *plant, const struct contact_tangent *tangent,
                                  const struct active_pair *pair, struct spatial *wrench)
@@ -231,31 +212,6 @@ static void find_friction_wrench(const struct plant *plant, const struct contact
         wrench->l[i] = tangent->friction[CONTACT_MOVE_X + i] - h * decrease.l[i];
         wrench->a[i] = tangent->friction[CONTACT_TURN_X + i] - h * decrease.a[i];
     }
-}
-
-/* Removes a pair that pulls at the solved stage: its surfaces have separated. */
-static void open_pair(struct plant *plant, struct contact_tangent *tangent,
-                      struct active_pair *pair)
-{
-    struct contact_world *engine = plant->config.contact;
-    const size_t count = engine->ops->patches(engine, plant->patch, PLANT_PATCHES);
-    struct spatial wrench = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-    double A[21];
-
-    /* Take off the wrench at the point, its changes and A */
-    for (size_t i = 0; i < count && i < PLANT_PATCHES; i++) {
-        if (plant->patch[i].pair == pair->index) {
-            vec3_add_scaled(wrench.l, -1.0, plant->patch[i].force, wrench.l);
-            vec3_add_scaled(wrench.a, -1.0, plant->patch[i].moment, wrench.a);
-        }
-    }
-    vec3_add_scaled(wrench.l, -1.0, pair->changed.l, wrench.l);
-    vec3_add_scaled(wrench.a, -1.0, pair->changed.a, wrench.a);
-    spatial_inertia_pack(&pair->A, A);
-    change_pair(plant, pair, &wrench, -1.0, A);
-    memset(tangent->friction, 0, sizeof tangent->friction);
-    memset(tangent->friction_D, 0, sizeof tangent->friction_D);
-    tangent->pressing = 0.0;
 }
 
 /* Lets the friction of a sliding pair follow the normal force found at the stage. Friction changes
@@ -291,7 +247,27 @@ static bool revise_pair(struct plant *plant, struct contact_tangent *tangent,
 
     /* A pair that pulls without friction is open */
     if (found < 0.0 && pair->followed <= least) {
-        open_pair(plant, tangent, pair);
+        /* Remove a pair that pulls at the solved stage: its surfaces have separated */
+        struct contact_world *engine = plant->config.contact;
+        const size_t count = engine->ops->patches(engine, plant->patch, PLANT_PATCHES);
+        struct spatial wrench = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+        double A[21];
+
+        /* Take off the wrench at the point, its changes and A */
+        for (size_t i = 0; i < count && i < PLANT_PATCHES; i++) {
+            if (plant->patch[i].pair == pair->index) {
+                vec3_add_scaled(wrench.l, -1.0, plant->patch[i].force, wrench.l);
+                vec3_add_scaled(wrench.a, -1.0, plant->patch[i].moment, wrench.a);
+            }
+        }
+        vec3_add_scaled(wrench.l, -1.0, pair->changed.l, wrench.l);
+        vec3_add_scaled(wrench.a, -1.0, pair->changed.a, wrench.a);
+        spatial_inertia_pack(&pair->A, A);
+        change_pair(plant, pair, &wrench, -1.0, A);
+        memset(tangent->friction, 0, sizeof tangent->friction);
+        memset(tangent->friction_D, 0, sizeof tangent->friction_D);
+        tangent->pressing = 0.0;
+
         return true;
     }
     find_friction_wrench(plant, tangent, pair, &friction);
@@ -351,7 +327,17 @@ void implicit_find_contact(struct plant *plant)
         implicit_contact_accelerations(plant, im->a, im->twist_z);
     }
     for (size_t t = 0; t < im->nactive; t++) {
-        find_decrease(plant, &im->active[t]);
+        /* Compute beyond and decrease of a pair from the accelerations of the contact bodies */
+        struct active_pair *pair = &im->active[t];
+        struct spatial *beyond = &pair->beyond;
+
+        /* The wrench decreases by A times the relative acceleration in excess of the point's */
+        *beyond = relative_twist(plant, pair, plant->implicit->twist_z);
+        for (int i = 0; i < 3; i++) {
+            beyond->l[i] -= pair->point.l[i];
+            beyond->a[i] -= pair->point.a[i];
+        }
+        spatial_inertia_apply(&pair->A, beyond, &pair->decrease);
     }
 }
 

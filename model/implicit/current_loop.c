@@ -15,20 +15,6 @@ void implicit_switch_loop(struct plant *plant, size_t d)
     memset(&plant->implicit->loop_flows[d], 0, sizeof plant->implicit->loop_flows[d]);
 }
 
-/* Returns the flow of a span in a regime; computes it if it is not known. */
-static const struct loop_flow *find_loop_flow(const struct robot_sea *sea,
-                                              const struct current_loop *loop, enum loop_kind kind,
-                                              double length, struct loop_flow *known)
-{
-    struct loop_row row;
-
-    if (known->t == 0.0) {
-        loop_fill_row(sea, loop, kind, &row);
-        loop_flow_make(sea, &row, length, known);
-    }
-    return known;
-}
-
 /* Discards the flows of drive d if bandwidth, filter or gains have changed. */
 static void check_loop_flows(struct plant *plant, size_t d)
 {
@@ -74,7 +60,13 @@ struct sea_state implicit_follow_loop(struct plant *plant, size_t d,
         /* The flow of a limit only if it has been needed or is needed at the start */
         if (kind == LOOP_FREE || known->t > 0.0 ||
             (int)loop_find_regime(&span, span.begin, drive).kind == kind) {
-            span.flow[kind] = find_loop_flow(&sea, loop, (enum loop_kind)kind, length, known);
+            if (known->t == 0.0) {
+                struct loop_row row;
+
+                loop_fill_row(&sea, loop, (enum loop_kind)kind, &row);
+                loop_flow_make(&sea, &row, length, known);
+            }
+            span.flow[kind] = known;
         }
     }
     loop_advance(&span, &end, slope);

@@ -147,19 +147,6 @@ static enum error_code take_first_stage(struct plant *plant)
     return ERROR_NONE;
 }
 
-/* Makes the start of the step the base of its only stage, an implicit Euler step. */
-static void take_no_first_stage(struct plant *plant)
-{
-    struct implicit *im = plant->implicit;
-
-    im->stage_h = im->h;
-    im->base_s = im->start_s;
-    im->stops_acted = false;
-    memcpy(im->base, im->begin, plant->at.bristle * sizeof *im->base);
-    memcpy(im->u_base, im->u_begin, im->na * sizeof *im->u_base);
-    memcpy(im->u_1, im->u_begin, im->na * sizeof *im->u_1);
-}
-
 /* Solves the second stage: advances state to the end of the step, and sets trend, the prediction
  * for the next step. */
 static enum error_code take_second_stage(struct plant *plant)
@@ -206,7 +193,13 @@ static enum error_code step_part(struct plant *plant, enum implicit_level level,
     implicit_get_rates(plant, im->begin, im->u_begin);
     /* Solve both stages, then apply the constraints and the accounts at the end of the step */
     if (im->scheme == EFFECTS_EULER) {
-        take_no_first_stage(plant);
+        /* Make the start of the step the base of its only stage, an implicit Euler step */
+        im->stage_h = im->h;
+        im->base_s = im->start_s;
+        im->stops_acted = false;
+        memcpy(im->base, im->begin, plant->at.bristle * sizeof *im->base);
+        memcpy(im->u_base, im->u_begin, im->na * sizeof *im->u_base);
+        memcpy(im->u_1, im->u_begin, im->na * sizeof *im->u_1);
     } else if ((code = take_first_stage(plant))) {
         return code;
     }
@@ -265,21 +258,6 @@ static enum error_code step_in_parts(struct plant *plant, enum implicit_level le
     return code;
 }
 
-/* Returns whether the plant is a drive alone on a joint without any input, whose energy can only
- * fall. Its current controller may hold a position, as a spring. */
-static bool lacks_input(const struct plant *plant)
-{
-    const struct robot *robot = plant->config.robot;
-    const struct current_loop *loop = plant->loop;
-    const struct loop_command *law = &loop->command[1];
-
-    return plant->has_effects && robot->nv == 1 && plant->ndrive == 1 && plant->nspring == 0 &&
-           plant->config.ncontact == 0 && plant->config.nfree == 0 && !plant->clamped &&
-           (loop->on ? loop->filtered == 0.0 && law->current == 0.0 && law->speed == 0.0 &&
-                           loop->switch_s == 0.0
-                     : !plant->bridge_on[0] || plant->voltage[0] == 0.0);
-}
-
 /* Returns the energy of a plant without input, J. */
 static double passive_plant_energy(struct plant *plant)
 {
@@ -305,7 +283,18 @@ static double energy_rounding(const struct plant *plant, double energy)
 enum error_code implicit_step(struct plant *plant, double h)
 {
     struct implicit *im = plant->implicit;
-    const bool passive = lacks_input(plant);
+    const struct robot *robot = plant->config.robot;
+    const struct current_loop *loop = plant->loop;
+    const struct loop_command *law = &loop->command[1];
+
+    /* Whether the plant is a drive alone on a joint without any input, whose energy can only fall.
+     * Its current controller may hold a position, as a spring. */
+    const bool passive = plant->has_effects && robot->nv == 1 && plant->ndrive == 1 &&
+                         plant->nspring == 0 && plant->config.ncontact == 0 &&
+                         plant->config.nfree == 0 && !plant->clamped &&
+                         (loop->on ? loop->filtered == 0.0 && law->current == 0.0 &&
+                                         law->speed == 0.0 && loop->switch_s == 0.0
+                                   : !plant->bridge_on[0] || plant->voltage[0] == 0.0);
     const double energy = passive ? passive_plant_energy(plant) : 0.0;
     enum implicit_level level;
     enum error_code code;

@@ -55,31 +55,6 @@ static void combine_spatial(const struct implicit *im, double p, const struct sp
     }
 }
 
-/* Adds the gyroscopic moment of a free body at the stage to its load, I w' = moment - w x I w, with
- * w at the stage. Uses fixed-point iteration. Each pass reduces the error by the factor h |w|; h:
- * length of the stage. */
-static void find_gyroscopic_moment(struct plant *plant, size_t b)
-{
-    struct implicit *im = plant->implicit;
-    const size_t first = plant->config.robot->nv + FREE_ACCELERATIONS * b + FREE_ANGULAR;
-    const double moment[3] = {im->free_load[b].a[0], im->free_load[b].a[1], im->free_load[b].a[2]};
-    double w[3];
-
-    memcpy(w, im->u_point + first, sizeof w);
-    for (int pass = 0; pass < GYROSCOPIC_PASSES; pass++) {
-        struct spatial *load = &im->free_load[b], x;
-        double spin[3];
-
-        sym3_apply(plant->config.free[b].inertia.I, w, spin);
-        memcpy(load->a, moment, sizeof load->a);
-        vec3_add_cross(spin, w, load->a);
-        spatial_inertia_solve(&im->free_inertia[b], load, &x);
-        for (int i = 0; i < 3; i++) {
-            w[i] = im->u_base[first + (size_t)i] + im->stage_h * x.a[i];
-        }
-    }
-}
-
 /* Prepares the systems of the free bodies: Newton's and Euler's laws with the inertias added by
  * contact, in the bodies' frames about their centers of mass. */
 static void prepare_free_bodies(struct plant *plant)
@@ -122,7 +97,27 @@ static void prepare_free_bodies(struct plant *plant)
         }
     }
     for (size_t b = 0; b < plant->config.nfree; b++) {
-        find_gyroscopic_moment(plant, b);
+        /* Add the gyroscopic moment of a free body at the stage to its load, I w' = moment - w x I
+         * w, with w at the stage, by fixed-point iteration. Each pass reduces the error by the
+         * factor h |w|; h: length of the stage. */
+        const size_t first = plant->config.robot->nv + FREE_ACCELERATIONS * b + FREE_ANGULAR;
+        const double moment[3] = {im->free_load[b].a[0], im->free_load[b].a[1],
+                                  im->free_load[b].a[2]};
+        double w[3];
+
+        memcpy(w, im->u_point + first, sizeof w);
+        for (int pass = 0; pass < GYROSCOPIC_PASSES; pass++) {
+            struct spatial *load = &im->free_load[b], x;
+            double spin[3];
+
+            sym3_apply(plant->config.free[b].inertia.I, w, spin);
+            memcpy(load->a, moment, sizeof load->a);
+            vec3_add_cross(spin, w, load->a);
+            spatial_inertia_solve(&im->free_inertia[b], load, &x);
+            for (int i = 0; i < 3; i++) {
+                w[i] = im->u_base[first + (size_t)i] + im->stage_h * x.a[i];
+            }
+        }
     }
 }
 

@@ -112,37 +112,6 @@ static void find_base_transport(const struct plant *plant, double transport[3])
     vec3_cross(v + BASE_V_ANGULAR, v + BASE_V_LINEAR, transport);
 }
 
-/* Computes the point, and the acceleration that leads from the base state to the point, in the
- * coordinates of a. Linear parts are in the bodies' frames at the point. For the robot's base it is
- * the derivative in the moving frame. */
-static void find_point(struct plant *plant)
-{
-    struct implicit *im = plant->implicit;
-    double R[9];
-
-    memcpy(im->point, im->base, plant->at.bristle * sizeof *im->point);
-    implicit_move(plant, im->u_point, im->stage_h, im->point);
-    implicit_set_rates(plant, im->u_point, im->point);
-    for (size_t i = 0; i < im->na; i++) {
-        im->a_point[i] = (im->u_point[i] - im->u_base[i]) / im->stage_h;
-    }
-    if (plant->config.robot->floating) {
-        double linear[3], transport[3];
-
-        mat3_from_quaternion(im->point + BASE_Q_QUATERNION, R);
-        mat3_apply_transposed(R, im->a_point + BASE_V_LINEAR, linear);
-        find_base_transport(plant, transport);
-        vec3_sub(linear, transport, im->a_point + BASE_V_LINEAR);
-    }
-    for (size_t b = 0; b < plant->config.nfree; b++) {
-        double *linear = im->a_point + free_rate(plant, b, FREE_LINEAR);
-        const double world[3] = {linear[0], linear[1], linear[2]};
-
-        mat3_from_quaternion(im->point + free_state(plant, b, PLANT_FREE_QUATERNION), R);
-        mat3_apply_transposed(R, world, linear);
-    }
-}
-
 /* Computes the slope of the rates from a. Linear parts are in the world frame. */
 static void find_slope(struct plant *plant)
 {
@@ -204,8 +173,34 @@ enum error_code implicit_solve_stage(struct plant *plant)
     struct implicit *im = plant->implicit;
     enum error_code code;
 
+    /* Find the point, and the acceleration that leads from the base state to it, in the coordinates
+     * of a. Linear parts are in the bodies' frames at the point. For the robot's base it is the
+     * derivative in the moving frame. */
+    double R[9];
+
+    memcpy(im->point, im->base, plant->at.bristle * sizeof *im->point);
+    implicit_move(plant, im->u_point, im->stage_h, im->point);
+    implicit_set_rates(plant, im->u_point, im->point);
+    for (size_t i = 0; i < im->na; i++) {
+        im->a_point[i] = (im->u_point[i] - im->u_base[i]) / im->stage_h;
+    }
+    if (plant->config.robot->floating) {
+        double linear[3], transport[3];
+
+        mat3_from_quaternion(im->point + BASE_Q_QUATERNION, R);
+        mat3_apply_transposed(R, im->a_point + BASE_V_LINEAR, linear);
+        find_base_transport(plant, transport);
+        vec3_sub(linear, transport, im->a_point + BASE_V_LINEAR);
+    }
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        double *linear = im->a_point + free_rate(plant, b, FREE_LINEAR);
+        const double world[3] = {linear[0], linear[1], linear[2]};
+
+        mat3_from_quaternion(im->point + free_state(plant, b, PLANT_FREE_QUATERNION), R);
+        mat3_apply_transposed(R, world, linear);
+    }
+
     /* Evaluate forces and tangents at the point */
-    find_point(plant);
     if ((code = plant_load_bodies(plant, im->point, plant->state + plant->at.bristle, im->stage_h,
                                   &im->load))) {
         return code;

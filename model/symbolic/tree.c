@@ -268,43 +268,6 @@ static double origin_cost(const struct robot *robot, size_t b, const struct plac
     return cost + children_cost(robot, b, body->align, at);
 }
 
-/* Chooses the origin. It may move along the axis of a revolute joint, or to any point of a
- * prismatic joint's body. Candidates: the body's own origin, and the shortest shifts from the
- * parent and to each child. */
-static void choose_origin(const struct robot *robot, size_t b, const struct placement *place,
-                          struct tree_body *body)
-{
-    const double zero[3] = {0.0, 0.0, 0.0};
-    double moved[3], at[3], best, cost;
-
-    memcpy(body->r, place->r, sizeof body->r);
-    best = origin_cost(robot, b, place, body, zero, at);
-    for (size_t c = b; c < robot->nbody; c++) {
-        /* Displacement of the origin for this candidate */
-        if (c == b) {
-            free_origin(place, body->prismatic, moved);
-        } else if (robot->body[c].parent == (int)b && !body->prismatic && place->nturn == 0) {
-            struct placement child;
-
-            place_joint(&robot->joint[c - 1], body->align, zero, &child);
-            memset(moved, 0, sizeof moved);
-            moved[place->axis] = -child.r[place->axis];
-        } else {
-            continue;
-        }
-
-        /* Keep the best candidate, if it saves more than rounding */
-        cost = origin_cost(robot, b, place, body, moved, at);
-        if (cost < best - 1.0) {
-            best = cost;
-            memcpy(body->at, at, sizeof at);
-            for (int m = 0; m < 3; m++) {
-                body->r[m] = place->r[m] - moved[m];
-            }
-        }
-    }
-}
-
 /* Chooses the working frame of a body: its origin and the zero of its joint. */
 static void set_body(const struct robot *robot, size_t b, struct tree *tree)
 {
@@ -331,7 +294,36 @@ static void set_body(const struct robot *robot, size_t b, struct tree *tree)
     memcpy(body->align, align, sizeof align);
 
     /* Choose the origin and the zero so that the children are cheap */
-    choose_origin(robot, b, &place, body);
+    const double zero[3] = {0.0, 0.0, 0.0};
+    double moved[3], at[3], best, cost;
+
+    memcpy(body->r, place.r, sizeof body->r);
+    best = origin_cost(robot, b, &place, body, zero, at);
+    for (size_t c = b; c < robot->nbody; c++) {
+        /* Displacement of the origin for this candidate */
+        if (c == b) {
+            free_origin(&place, body->prismatic, moved);
+        } else if (robot->body[c].parent == (int)b && !body->prismatic && place.nturn == 0) {
+            struct placement child;
+
+            place_joint(&robot->joint[c - 1], body->align, zero, &child);
+            memset(moved, 0, sizeof moved);
+            moved[place.axis] = -child.r[place.axis];
+        } else {
+            continue;
+        }
+
+        /* Keep the best candidate, if it saves more than rounding */
+        cost = origin_cost(robot, b, &place, body, moved, at);
+        if (cost < best - 1.0) {
+            best = cost;
+            memcpy(body->at, at, sizeof at);
+            for (int m = 0; m < 3; m++) {
+                body->r[m] = place.r[m] - moved[m];
+            }
+        }
+    }
+
     if (!body->prismatic) {
         choose_offset(robot, b, body);
     }
