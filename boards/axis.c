@@ -30,33 +30,6 @@ void axis_power_up(const struct board *board, unsigned index)
     axis->velocity_rad_s = axis->overload_ms = axis->voltage_v = 0.0;
 }
 
-/* Reads the sensors of an axis that has a joint. */
-static void axis_read_sensors(struct axis *axis, const struct boards *boards,
-                              const struct motor_sense *sense)
-{
-    const struct board_axis_config *config = axis->config;
-    int32_t motor;
-
-    axis->bad_motor = !control_quantize(sense->qm * config->motor_ticks_per_rad, &motor) ||
-                      !isfinite(sense->current_a);
-    if (!axis->bad_motor) {
-        axis->motor_ticks = motor;
-        axis->current_a = sense->current_a;
-        axis->voltage_v = axis->law.on ? sense->voltage_v : axis->voltage_v;
-    }
-    /* A link angle or torque that is not finite keeps its old value */
-    axis->bad_link = !control_quantize(sense->q * config->joint_ticks_per_rad, &axis->link_ticks);
-    axis->bad_torque = !isfinite(sense->torque_nm);
-    axis->torque_nm = axis->bad_torque ? axis->torque_nm : sense->torque_nm;
-    axis->supply_v = boards->supply_v;
-    axis->winding_c = sense->winding_c;
-    if (config->valve) {
-        axis->pressure_pa[0] = sense->pressure_pa[0];
-        axis->pressure_pa[1] = sense->pressure_pa[1];
-        axis->valve_opening = sense->valve_opening;
-    }
-}
-
 void axes_read_sensors(const struct board *board, const struct plant_sensors *sensors)
 {
     const int64_t now_ms = board->boards->now_ns / MS;
@@ -65,7 +38,31 @@ void axes_read_sensors(const struct board *board, const struct plant_sensors *se
         struct axis *axis = board_axis(board, i);
 
         if (axis->config->joint >= 0) {
-            axis_read_sensors(axis, board->boards, &sensors->motor[axis->config->joint]);
+            /* Read the sensors of an axis that has a joint */
+            const struct motor_sense *sense = &sensors->motor[axis->config->joint];
+            const struct board_axis_config *config = axis->config;
+            int32_t motor;
+
+            axis->bad_motor = !control_quantize(sense->qm * config->motor_ticks_per_rad, &motor) ||
+                              !isfinite(sense->current_a);
+            if (!axis->bad_motor) {
+                axis->motor_ticks = motor;
+                axis->current_a = sense->current_a;
+                axis->voltage_v = axis->law.on ? sense->voltage_v : axis->voltage_v;
+            }
+            /* A link angle or torque that is not finite keeps its old value */
+            axis->bad_link =
+                !control_quantize(sense->q * config->joint_ticks_per_rad, &axis->link_ticks);
+            axis->bad_torque = !isfinite(sense->torque_nm);
+            axis->torque_nm = axis->bad_torque ? axis->torque_nm : sense->torque_nm;
+            axis->supply_v = board->boards->supply_v;
+            axis->winding_c = sense->winding_c;
+            if (config->valve) {
+                axis->pressure_pa[0] = sense->pressure_pa[0];
+                axis->pressure_pa[1] = sense->pressure_pa[1];
+                axis->valve_opening = sense->valve_opening;
+            }
+
             axis->first = axis->sampled_ms < 0;
             axis->passed_ms = axis->first ? 0 : now_ms - axis->sampled_ms;
             axis->sampled_ms = now_ms;

@@ -111,25 +111,6 @@ static void board_discard_replies(const struct board *board)
 
 /* ---- hang of the firmware ---- */
 
-/* Starts a hang: the timers keep the present duty cycle of each bridge. */
-static void board_begin_hang(struct board *board, int64_t watchdog_ns, double supply_v,
-                             const struct plant_command *command)
-{
-    struct board_faults *faults = board->faults;
-
-    for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
-        int joint = board_joint(board, i);
-
-        faults->duty[i] = joint >= 0 && !board->ops->turns_field && supply_v > 0.0
-                              ? command->motor[joint].voltage_v / supply_v
-                              : 0.0;
-        /* Clamp: the supply may have dropped since the board set the bridge */
-        faults->duty[i] = fmax(fmin(faults->duty[i], 1.0), -1.0);
-    }
-    faults->hung = true;
-    faults->watchdog_ns = board->boards->now_ns + watchdog_ns;
-}
-
 /* Returns the fault that makes the application hang in this tick; NULL = none. */
 static struct board_fault *board_find_hang(const struct board *board)
 {
@@ -154,7 +135,19 @@ static bool board_step_hang(struct board *board, double supply_v, struct plant_c
 
     if (f) {
         f->spent = true;
-        board_begin_hang(board, (int64_t)(f->fault->value[0] * 1e9), supply_v, command);
+
+        /* Start a hang: the timers keep the present duty cycle of each bridge */
+        for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
+            int joint = board_joint(board, i);
+
+            faults->duty[i] = joint >= 0 && !board->ops->turns_field && supply_v > 0.0
+                                  ? command->motor[joint].voltage_v / supply_v
+                                  : 0.0;
+            /* Clamp: the supply may have dropped since the board set the bridge */
+            faults->duty[i] = fmax(fmin(faults->duty[i], 1.0), -1.0);
+        }
+        faults->hung = true;
+        faults->watchdog_ns = board->boards->now_ns + (int64_t)(f->fault->value[0] * 1e9);
     } else if (faults->hung && board->boards->now_ns >= faults->watchdog_ns) {
         faults->hung = false;
         board_discard_replies(board);

@@ -414,26 +414,6 @@ static double cia402_axis_bound_velocity(struct cia402_axis *axis, double veloci
 
 /* ---- set points by the controlword ---- */
 
-/* Accepts a set point. If another one is active, the new one waits, unless the controlword demands
- * it at once. */
-static void cia402_axis_accept_goal(struct cia402_axis *axis)
-{
-    bool relative = axis->controlword & CIA402_CW_RELATIVE;
-    double from = !relative ? 0.0 : axis->moving ? axis->goal : (double)axis->position_demand;
-    double goal = from + (double)axis->target_position;
-
-    if (axis->moving && !(axis->controlword & CIA402_CW_AT_ONCE)) {
-        axis->has_next = true;
-        axis->next_goal = goal;
-    } else {
-        axis->goal = goal;
-        axis->moving = true;
-        axis->has_next = false;
-    }
-    axis->set_point_taken = true;
-    axis->reached_ms = 0;
-}
-
 void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before)
 {
     bool rises = axis->controlword & ~before & CIA402_CW_NEW_SET_POINT;
@@ -446,7 +426,22 @@ void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before)
         }
     }
     if (rises && axis->mode == CIA402_PROFILE_POSITION && !axis->has_next) {
-        cia402_axis_accept_goal(axis);
+        /* Accept a set point. If another one is active, the new one waits, unless the controlword
+         * demands it at once. */
+        bool relative = axis->controlword & CIA402_CW_RELATIVE;
+        double from = !relative ? 0.0 : axis->moving ? axis->goal : (double)axis->position_demand;
+        double goal = from + (double)axis->target_position;
+
+        if (axis->moving && !(axis->controlword & CIA402_CW_AT_ONCE)) {
+            axis->has_next = true;
+            axis->next_goal = goal;
+        } else {
+            axis->goal = goal;
+            axis->moving = true;
+            axis->has_next = false;
+        }
+        axis->set_point_taken = true;
+        axis->reached_ms = 0;
     } else if (rises && axis->mode == CIA402_HOMING) {
         cia402_homing_start(axis);
     }

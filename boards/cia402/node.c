@@ -420,22 +420,6 @@ static bool cia402_pdo_receive(struct cia402_node *node, const struct bus_frame 
     return found;
 }
 
-static bool cia402_pdo_request(struct cia402_node *node, unsigned id)
-{
-    bool found = false;
-
-    for (unsigned i = 0; i < cia402_pdos(node) && node->state == CIA402_OPERATIONAL; i++) {
-        const struct cia402_pdo *pdo = &node->settings.tpdo[i];
-
-        if (cia402_pdo_is_valid(pdo) && !(pdo->cob_id & CIA402_COB_NO_REMOTE) &&
-            (pdo->cob_id & CIA402_COB_MASK) == id) {
-            node->tx[i].requested = true;
-            found = true;
-        }
-    }
-    return found;
-}
-
 static void cia402_pdo_sync(struct cia402_node *node)
 {
     if (node->state != CIA402_OPERATIONAL) {
@@ -1031,29 +1015,6 @@ static void cia402_bus_receive_nmt(struct boards *boards, struct board_bus *bus,
     boards_count_frame(boards, listener, verdict, frame);
 }
 
-/* Passes an LSS request to all nodes, including those without a Node-ID. */
-static void cia402_bus_receive_lss(struct boards *boards, struct board_bus *bus,
-                                   const struct bus_frame *frame)
-{
-    enum board_verdict verdict = BOARD_MALFORMED;
-    struct board *listener = NULL;
-
-    for (size_t i = 0; i < boards->nboard; i++) {
-        struct board *board = boards->board[i];
-
-        if (board->bus != bus || board_is_deaf(board)) {
-            continue;
-        }
-        listener = board;
-        if (frame->len == CIA402_LSS_LENGTH) {
-            bool known = cia402_lss_receive(cia402_node_of(board), frame->data);
-
-            verdict = known ? BOARD_OBEYED : BOARD_UNKNOWN;
-        }
-    }
-    boards_count_frame(boards, listener, verdict, frame);
-}
-
 /* Passes a frame to all nodes that use it: a heartbeat, boot-up, SYNC or PDO, or a remote frame for
  * a TPDO. Returns false when no node uses the frame. Counts the frame once: for the first node that
  * refuses it, otherwise for the last node that accepts it. */
@@ -1074,7 +1035,17 @@ static bool cia402_bus_offer(struct boards *boards, struct board_bus *bus,
             continue;
         }
         if (frame->flags & FRAME_REMOTE) {
-            used = cia402_pdo_request(node, frame->id);
+            /* Mark the TPDOs that the remote frame requests */
+            used = false;
+            for (unsigned i = 0; i < cia402_pdos(node) && node->state == CIA402_OPERATIONAL; i++) {
+                const struct cia402_pdo *pdo = &node->settings.tpdo[i];
+
+                if (cia402_pdo_is_valid(pdo) && !(pdo->cob_id & CIA402_COB_NO_REMOTE) &&
+                    (pdo->cob_id & CIA402_COB_MASK) == frame->id) {
+                    node->tx[i].requested = true;
+                    used = true;
+                }
+            }
         } else if (heartbeat) {
             used = node->settings.consumer >> 16 == producer;
             if (used && (node->settings.consumer & 0xffff) > 0) {
@@ -1120,7 +1091,25 @@ static bool cia402_bus_dispatch(struct boards *boards, struct board_bus *bus,
     }
     if (!(frame->flags & FRAME_REMOTE)) {
         if (frame->id == CIA402_LSS_REQUEST) {
-            cia402_bus_receive_lss(boards, bus, frame);
+            /* Pass an LSS request to all nodes, including those without a Node-ID */
+            enum board_verdict verdict = BOARD_MALFORMED;
+            struct board *listener = NULL;
+
+            for (size_t i = 0; i < boards->nboard; i++) {
+                struct board *board = boards->board[i];
+
+                if (board->bus != bus || board_is_deaf(board)) {
+                    continue;
+                }
+                listener = board;
+                if (frame->len == CIA402_LSS_LENGTH) {
+                    bool known = cia402_lss_receive(cia402_node_of(board), frame->data);
+
+                    verdict = known ? BOARD_OBEYED : BOARD_UNKNOWN;
+                }
+            }
+            boards_count_frame(boards, listener, verdict, frame);
+
             return true;
         }
         if (service == CIA402_NMT) {

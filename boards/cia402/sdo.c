@@ -522,27 +522,6 @@ enum cia402_abort cia402_sdo_receive(struct cia402_node *node, const uint8_t *da
     }
 }
 
-/* Sends the next segment of a block upload. */
-static void cia402_block_send_segment(struct cia402_node *node)
-{
-    struct cia402_transfer *transfer = &node->transfer;
-    uint32_t from = transfer->done + (uint32_t)transfer->sequence * SEGMENT_MAX;
-    uint32_t size = transfer->size - from;
-    uint8_t data[CIA402_SDO_LENGTH] = {++transfer->sequence};
-    bool last = size <= SEGMENT_MAX;
-
-    size = last ? size : SEGMENT_MAX;
-    memcpy(data + 1, transfer->data + from, size);
-    if (last) {
-        data[0] |= LAST_SEGMENT;
-    }
-    if (last || transfer->sequence == transfer->block) {
-        transfer->kind = CIA402_BLOCK_UPLOAD_WAITS;
-        cia402_block_refresh(node);
-    }
-    cia402_sdo_answer(node, data);
-}
-
 void cia402_block_step(struct cia402_node *node, struct ms_span span)
 {
     struct cia402_transfer *transfer = &node->transfer;
@@ -551,7 +530,22 @@ void cia402_block_step(struct cia402_node *node, struct ms_span span)
         return;
     }
     for (int64_t ms = span.from; ms < span.to && transfer->kind == CIA402_BLOCK_UPLOADS; ms++) {
-        cia402_block_send_segment(node);
+        /* Send the next segment of a block upload */
+        uint32_t from = transfer->done + (uint32_t)transfer->sequence * SEGMENT_MAX;
+        uint32_t size = transfer->size - from;
+        uint8_t data[CIA402_SDO_LENGTH] = {++transfer->sequence};
+        bool last = size <= SEGMENT_MAX;
+
+        size = last ? size : SEGMENT_MAX;
+        memcpy(data + 1, transfer->data + from, size);
+        if (last) {
+            data[0] |= LAST_SEGMENT;
+        }
+        if (last || transfer->sequence == transfer->block) {
+            transfer->kind = CIA402_BLOCK_UPLOAD_WAITS;
+            cia402_block_refresh(node);
+        }
+        cia402_sdo_answer(node, data);
     }
     if (transfer->kind != CIA402_BLOCK_UPLOADS &&
         node->board.boards->now_ns - transfer->heard_ns > TIMEOUT_NS) {

@@ -269,11 +269,11 @@ static enum error_code described_check_frame(struct described_loader *l,
     };
 
     if (highest > most) {
-        return yaml_error(l->error, yaml_place(&raw->mark, "id"),
-                          "found ids up to 0x%llx, expected them within 0x%x: lower id, step or "
-                          "address_max%s",
-                          (unsigned long long)highest, most,
-                          raw->extended ? "" : ", or set extended: true for 29 bits");
+        return yaml_error(
+            l->error, yaml_place(&raw->mark, "id"),
+            "found ids up to 0x%llx, expected them within 0x%x: lower id, step or address_max%s",
+            (unsigned long long)highest, most,
+            raw->extended ? "" : ", or set extended: true for 29 bits");
     }
     for (size_t i = 0; i < ARRAY_COUNT(checks); i++) {
         if (checks[i].wrong) {
@@ -412,30 +412,6 @@ static enum error_code described_link_echo(struct described_loader *l,
     return ERROR_NONE;
 }
 
-/* Finds the rows of a frame's answers. All rows must have been built. */
-static enum error_code described_link_reply(struct described_loader *l, size_t index)
-{
-    const struct raw_described_frame *raw = &l->raw->frame[index];
-    struct described_frame *made = &l->made->frame[index];
-    enum error_code code = ERROR_NONE;
-    bool found = !raw->reply;
-
-    for (unsigned k = 0; raw->reply && k < 3 && !code; k++) {
-        if (made->of >> k & 1) {
-            made->reply[k] = described_frame_index(l->made, raw->reply, false, 1u << k);
-        }
-        if (made->reply[k] >= 0) {
-            found = true;
-            code = described_link_echo(l, raw, made, &l->made->frame[made->reply[k]]);
-        }
-    }
-    return found ? code
-                 : yaml_error(l->error, yaml_place(&raw->mark, "reply"),
-                              "found reply \"%s\", expected the name of a frame from the same "
-                              "boards",
-                              raw->reply);
-}
-
 /* Builds all frames, then finds their answers. */
 static enum error_code described_build_frames(struct described_loader *l)
 {
@@ -462,7 +438,25 @@ static enum error_code described_build_frames(struct described_loader *l)
         }
     }
     for (size_t i = 0; i < l->raw->nframe && !code; i++) {
-        code = described_link_reply(l, i);
+        /* Find the rows of a frame's answers. All rows must have been built. */
+        const struct raw_described_frame *raw = &l->raw->frame[i];
+        struct described_frame *made = &l->made->frame[i];
+        bool found = !raw->reply;
+
+        for (unsigned k = 0; raw->reply && k < 3 && !code; k++) {
+            if (made->of >> k & 1) {
+                made->reply[k] = described_frame_index(l->made, raw->reply, false, 1u << k);
+            }
+            if (made->reply[k] >= 0) {
+                found = true;
+                code = described_link_echo(l, raw, made, &l->made->frame[made->reply[k]]);
+            }
+        }
+        code = found ? code
+                     : yaml_error(
+                           l->error, yaml_place(&raw->mark, "reply"),
+                           "found reply \"%s\", expected the name of a frame from the same boards",
+                           raw->reply);
     }
     return code;
 }
@@ -505,21 +499,19 @@ static enum error_code described_check_pair(struct described_loader *l, size_t f
         described_told_apart(a, b) || !described_find_meeting(a, b, &na, &nb)) {
         return ERROR_NONE;
     }
-    return yaml_error(l->error, yaml_place(&l->raw->frame[second].mark, "id"),
-                      "found identifier 0x%x of frame \"%s\" %s%s, which frame \"%s\" (line %d) "
-                      "%s%s has: expected another identifier%s",
-                      (unsigned)described_id(b, nb), b->name, same ? "again" : "from the ",
-                      same           ? ""
-                      : b->from_host ? "host"
-                                     : "board",
-                      a->name, l->raw->frame[first].mark.line,
-                      same ? "of the same sender" : "from the ",
-                      same           ? ""
-                      : a->from_host ? "host"
-                                     : "board",
-                      same ? ", another length, or constants that tell it apart in the first of "
-                             "the two"
-                           : "");
+    return yaml_error(
+        l->error, yaml_place(&l->raw->frame[second].mark, "id"),
+        "found identifier 0x%x of frame \"%s\" %s%s, which frame \"%s\" (line %d) %s%s has: "
+        "expected another identifier%s",
+        (unsigned)described_id(b, nb), b->name, same ? "again" : "from the ",
+        same           ? ""
+        : b->from_host ? "host"
+                       : "board",
+        a->name, l->raw->frame[first].mark.line, same ? "of the same sender" : "from the ",
+        same           ? ""
+        : a->from_host ? "host"
+                       : "board",
+        same ? ", another length, or constants that tell it apart in the first of the two" : "");
 }
 
 /* Refuses frames that a receiver cannot distinguish. This includes a frame that an earlier row
@@ -717,23 +709,6 @@ static enum error_code described_build_models(struct described_loader *l)
 
 /* ---- the host ---- */
 
-/* Returns the law of the host's on_state after the host's switch-on frames have selected a law. */
-static enum described_law described_host_law(const struct described_protocol *made)
-{
-    enum described_law law = made->state[made->host.on_state].law;
-
-    for (size_t i = 0; i < made->host.on.count && law == DESCRIBED_SELECTED; i++) {
-        const struct described_frame *row = &made->frame[made->host.on.frame[i]];
-        int field = described_find_field(row, DESCRIBED_LAW);
-        int found = field < 0 ? -1
-                              : described_find_state(made->law, made->nlaw,
-                                                     llround(row->field[field].host), true);
-
-        law = found < 0 ? law : made->law[found].law;
-    }
-    return law;
-}
-
 /* Builds the list of frames for each step of the host. Finds the states that the host commands. */
 static enum error_code described_build_host(struct described_loader *l)
 {
@@ -756,10 +731,10 @@ static enum error_code described_build_host(struct described_loader *l)
             int frame = described_frame_index(made, name->name, true, DESCRIBED_ANY);
 
             if (frame < 0 || i == DESCRIBED_LIST_MAX) {
-                return yaml_error(l->error, &name->mark,
-                                  "found \"%s\", expected the name of a frame from the host, at "
-                                  "most %d of them",
-                                  name->name, DESCRIBED_LIST_MAX);
+                return yaml_error(
+                    l->error, &name->mark,
+                    "found \"%s\", expected the name of a frame from the host, at most %d of them",
+                    name->name, DESCRIBED_LIST_MAX);
             }
             steps[s].list->frame[steps[s].list->count++] = (uint8_t)frame;
         }
@@ -786,7 +761,21 @@ static enum error_code described_build_host(struct described_loader *l)
     code = code ? code
                 : described_find_name(l, &raw->mark, "off_state", raw->off_state,
                                       &made->host.off_state);
-    made->host.law = described_host_law(made);
+
+    /* The law of the host's on_state after the host's switch-on frames have selected a law */
+    enum described_law law = made->state[made->host.on_state].law;
+
+    for (size_t i = 0; i < made->host.on.count && law == DESCRIBED_SELECTED; i++) {
+        const struct described_frame *row = &made->frame[made->host.on.frame[i]];
+        int field = described_find_field(row, DESCRIBED_LAW);
+        int found = field < 0 ? -1
+                              : described_find_state(made->law, made->nlaw,
+                                                     llround(row->field[field].host), true);
+
+        law = found < 0 ? law : made->law[found].law;
+    }
+    made->host.law = law;
+
     return code;
 }
 

@@ -390,11 +390,11 @@ static enum error_code described_measure_length(struct described_loader *l,
              ? (repeat > 1) != group
              : group || (repeats && (made->by != DESCRIBED_BY_ADDRESS ||
                                      made->of != DESCRIBED_MOTOR || repeat < l->made->axes)))) {
-        return yaml_error(l->error, yaml_place(&raw->mark, "repeat"),
-                          "found repeat %u, expected it of a frame from the host with by: group, "
-                          "or from motor boards with by: address as many as the board has axes, "
-                          "%u bytes in all",
-                          repeat, most);
+        return yaml_error(
+            l->error, yaml_place(&raw->mark, "repeat"),
+            "found repeat %u, expected it of a frame from the host with by: group, or from motor "
+            "boards with by: address as many as the board has axes, %u bytes in all",
+            repeat, most);
     }
     made->length = made->shortest = made->longest = (uint8_t)length;
     if (!yaml_has(&raw->mark, "lengths")) {
@@ -403,11 +403,11 @@ static enum error_code described_measure_length(struct described_loader *l,
     if (range[0] != rint(range[0]) || range[1] != rint(range[1]) || range[0] > length ||
         range[1] < length || range[1] > DESCRIBED_CLASSIC_MAX || raw->fd || made->remote ||
         repeat > 1) {
-        return yaml_error(l->error, yaml_place(&raw->mark, "lengths"),
-                          "found lengths [%g, %g], expected whole numbers about the %u bytes of "
-                          "the frame, at most 8, of a classic frame that is not remote and not "
-                          "repeated",
-                          range[0], range[1], length);
+        return yaml_error(
+            l->error, yaml_place(&raw->mark, "lengths"),
+            "found lengths [%g, %g], expected whole numbers about the %u bytes of the frame, at "
+            "most 8, of a classic frame that is not remote and not repeated",
+            range[0], range[1], length);
     }
     made->shortest = (uint8_t)range[0];
     made->longest = (uint8_t)range[1];
@@ -447,10 +447,9 @@ static enum error_code described_find_checks(struct described_loader *l,
     made->counter = described_find_field(made, DESCRIBED_COUNTER);
     if ((made->counter >= 0 || made->checksum) &&
         (made->repeats > 1 || yaml_has(&raw->mark, "lengths"))) {
-        return yaml_error(l->error,
-                          yaml_place(&raw->mark, made->repeats > 1 ? "repeat" : "lengths"),
-                          "found repeat or lengths beside a counter or a checksum, expected one of "
-                          "them");
+        return yaml_error(
+            l->error, yaml_place(&raw->mark, made->repeats > 1 ? "repeat" : "lengths"),
+            "found repeat or lengths beside a counter or a checksum, expected one of them");
     }
     return ERROR_NONE;
 }
@@ -490,10 +489,10 @@ static enum error_code described_lay_out_id(struct described_loader *l,
             return code;
         }
         if (from->order || from->type == FIELD_FLOAT || from->checksum) {
-            return yaml_error(l->error, &from->mark,
-                              "found a field of the identifier that is big-endian, a float or a "
-                              "checksum, expected a whole number, whose bits count from the least "
-                              "significant on");
+            return yaml_error(
+                l->error, &from->mark,
+                "found a field of the identifier that is big-endian, a float or a checksum, "
+                "expected a whole number, whose bits count from the least significant on");
         }
         bits = (uint32_t)(field->mask << field->shift);
         for (unsigned number = 0; number <= made->most; number++) {
@@ -576,10 +575,9 @@ enum error_code described_lay_out_parameter(struct described_loader *l,
     /* A parameter has no place in a frame, so it accepts no keys about the place */
     if (!code && (raw->counter || raw->checksum || yaml_has(&raw->mark, "at_bit") || raw->order ||
                   (raw->type == FIELD_FLOAT && raw->bits != 32))) {
-        return yaml_error(
-            l->error, &raw->mark,
-            "found a counter, a checksum, at_bit, order: big or a float of other than 32 "
-            "bits in a parameter, expected a source, a target or a value");
+        return yaml_error(l->error, &raw->mark,
+                          "found a counter, a checksum, at_bit, order: big or a float of other "
+                          "than 32 bits in a parameter, expected a source, a target or a value");
     }
     described_place(made, (unsigned)(raw->bits | raw->type), 0, false);
     code = code ? code : described_mean_field(l, targets, raw, made);

@@ -244,42 +244,6 @@ static void axis_restore(struct described_node *node, struct described_axis *axi
     }
 }
 
-/* Writes settings, parameters and the position reading. Does not change the state. */
-static void axis_configure(struct described_node *node, struct described_axis *axis,
-                           const struct described_frame *frame, const int64_t *values)
-{
-    int parameter = described_find_field(frame, DESCRIBED_PARAMETER);
-    int written = described_find_field(frame, DESCRIBED_PARAMETER_VALUE);
-
-    /* Settings and the position have fields of their own */
-    for (size_t i = 0; i < frame->nfield; i++) {
-        const struct described_field *field = &frame->field[i];
-
-        if (described_is_setting(field->meaning)) {
-            axis_set(node, axis, field, values[i]);
-        } else if (field->meaning == DESCRIBED_HOST_NUMBER) {
-            node->host_number = (uint32_t)values[i];
-        } else if (field->meaning == DESCRIBED_ANSWER_ID) {
-            node->answer_id = (uint32_t)values[i];
-        } else if (field->meaning == DESCRIBED_NEW_ADDRESS) {
-            board_set_address(&node->board, (uint8_t)values[i]);
-        } else if (field->meaning == DESCRIBED_PRESENT_POSITION) {
-            axis->zero_rad = axis->base.motor_rad -
-                             described_node_value(node, axis_index(node, axis), field, values[i]);
-            axis_forget(node, axis);
-        }
-    }
-
-    /* A parameter is selected by its number */
-    if (parameter >= 0 && written >= 0) {
-        axis_write(node, axis, described_find_parameter(node->protocol, values[parameter]),
-                   values[written]);
-    }
-    if (frame->save) {
-        axis_save(node, axis);
-    }
-}
-
 /* Changes state, law and faults of an axis as a frame commands. Changes nothing and returns false
  * if the axis lacks the requested law. */
 static bool axis_switch(struct described_node *node, struct described_axis *axis,
@@ -337,7 +301,38 @@ bool described_axis_obey(struct described_node *node, unsigned index,
         return false;
     }
     if (frame->configures) {
-        axis_configure(node, axis, frame, values);
+        /* Write settings, parameters and the position reading. The state does not change. */
+        int parameter = described_find_field(frame, DESCRIBED_PARAMETER);
+        int written = described_find_field(frame, DESCRIBED_PARAMETER_VALUE);
+
+        /* Settings and the position have fields of their own */
+        for (size_t i = 0; i < frame->nfield; i++) {
+            const struct described_field *field = &frame->field[i];
+
+            if (described_is_setting(field->meaning)) {
+                axis_set(node, axis, field, values[i]);
+            } else if (field->meaning == DESCRIBED_HOST_NUMBER) {
+                node->host_number = (uint32_t)values[i];
+            } else if (field->meaning == DESCRIBED_ANSWER_ID) {
+                node->answer_id = (uint32_t)values[i];
+            } else if (field->meaning == DESCRIBED_NEW_ADDRESS) {
+                board_set_address(&node->board, (uint8_t)values[i]);
+            } else if (field->meaning == DESCRIBED_PRESENT_POSITION) {
+                axis->zero_rad =
+                    axis->base.motor_rad -
+                    described_node_value(node, axis_index(node, axis), field, values[i]);
+                axis_forget(node, axis);
+            }
+        }
+
+        /* A parameter is selected by its number */
+        if (parameter >= 0 && written >= 0) {
+            axis_write(node, axis, described_find_parameter(node->protocol, values[parameter]),
+                       values[written]);
+        }
+        if (frame->save) {
+            axis_save(node, axis);
+        }
     }
     if (frame->zero) {
         axis->zero_rad = axis->base.motor_rad;
@@ -425,9 +420,10 @@ static uint32_t fault_if(bool present, enum described_fault fault)
     return (uint32_t)present << fault;
 }
 
-/* Returns the present faults of an axis. */
-static uint32_t axis_present_faults(const struct described_node *node, struct described_axis *axis)
+/* Finds the faults of an axis and reacts to new ones: events, counters, the fault state. */
+static void axis_watch_faults(struct described_node *node, struct described_axis *axis)
 {
+    struct boards_counters *counters = &node->board.boards->counters;
     const struct board *board = &node->board;
     const struct board_axis_config *config = axis->base.config;
     double hottest_c =
@@ -439,50 +435,39 @@ static uint32_t axis_present_faults(const struct described_node *node, struct de
                        board->boards->now_ns - axis->command_ns > timeout_ns;
 
     /* Fault bits below over-temperature are equal; pressure faults move down by six bits */
-    return (common & ((1u << DESCRIBED_OVER_TEMPERATURE) - 1)) |
-           (common & (AXIS_UNDER_PRESSURE | AXIS_OVER_PRESSURE)) >> 6 |
-           fault_if(axis->temperature_c > hottest_c, DESCRIBED_OVER_TEMPERATURE) |
-           fault_if(stale, DESCRIBED_STALE) |
-           fault_if(axis->base.link_rad < config->lower_rad ||
-                        axis->base.link_rad > config->upper_rad,
-                    DESCRIBED_LIMIT) |
-           fault_if(board->lost_in_status, DESCRIBED_OVERFLOW);
-}
+    uint32_t faults =
+        (common & ((1u << DESCRIBED_OVER_TEMPERATURE) - 1)) |
+        (common & (AXIS_UNDER_PRESSURE | AXIS_OVER_PRESSURE)) >> 6 |
+        fault_if(axis->temperature_c > hottest_c, DESCRIBED_OVER_TEMPERATURE) |
+        fault_if(stale, DESCRIBED_STALE) |
+        fault_if(axis->base.link_rad < config->lower_rad || axis->base.link_rad > config->upper_rad,
+                 DESCRIBED_LIMIT) |
+        fault_if(board->lost_in_status, DESCRIBED_OVERFLOW);
 
-/* Handles a command time-out: enters the protocol's state, or resets the set points. */
-static void axis_expire(struct described_node *node, struct described_axis *axis)
-{
-    int state = node->protocol->timeout_state;
-    int64_t command_ns = axis->command_ns;
-
-    node->board.boards->counters.timeouts++;
-    board_event(&node->board, BOARD_EVENT_TIMEOUT, axis_index(node, axis), axis->active, 0);
-    if (state >= 0) {
-        axis->latched |= (uint32_t)(node->protocol->state[state].law == DESCRIBED_FAULT)
-                         << DESCRIBED_STALE;
-        axis_enter(node, axis, state, axis->law);
-    } else {
-        double voltage_v = axis->base.voltage_v, overload_ms = axis->base.overload_ms;
-        bool follows_law = axis->base.law.on;
-
-        axis_forget(node, axis);
-        axis->command_ns = command_ns;
-        axis->base.voltage_v = voltage_v;
-        axis->base.law.on = follows_law;
-        axis->base.overload_ms = overload_ms;
-    }
-}
-
-/* Finds the faults of an axis and reacts to new ones: events, counters, the fault state. */
-static void axis_watch_faults(struct described_node *node, struct described_axis *axis)
-{
-    struct boards_counters *counters = &node->board.boards->counters;
-    uint32_t faults = axis_present_faults(node, axis);
     uint32_t risen = faults & ~(axis->present | axis->latched);
     unsigned index = axis_index(node, axis);
 
     if (risen >> DESCRIBED_STALE & 1) {
-        axis_expire(node, axis);
+        /* Handle a command time-out: enter the protocol's state, or reset the set points */
+        int state = node->protocol->timeout_state;
+        int64_t command_ns = axis->command_ns;
+
+        counters->timeouts++;
+        board_event(&node->board, BOARD_EVENT_TIMEOUT, index, axis->active, 0);
+        if (state >= 0) {
+            axis->latched |= (uint32_t)(node->protocol->state[state].law == DESCRIBED_FAULT)
+                             << DESCRIBED_STALE;
+            axis_enter(node, axis, state, axis->law);
+        } else {
+            double voltage_v = axis->base.voltage_v, overload_ms = axis->base.overload_ms;
+            bool follows_law = axis->base.law.on;
+
+            axis_forget(node, axis);
+            axis->command_ns = command_ns;
+            axis->base.voltage_v = voltage_v;
+            axis->base.law.on = follows_law;
+            axis->base.overload_ms = overload_ms;
+        }
     }
     if (risen >> DESCRIBED_LIMIT & 1 && described_axis_runs(axis)) {
         int32_t ticks = 0;

@@ -578,24 +578,6 @@ static int64_t foc_board_current_ma(const struct foc_board *foc)
 
 /* ---- faults ---- */
 
-/* Advances the firmware's I2t law by one millisecond. At the peak current an axis trips after 10.24
- * s. */
-static void foc_board_watch_i2t(struct board *board)
-{
-    struct foc_board *foc = foc_board_of(board);
-    int64_t current = control_clamp(foc_board_current_ma(foc), INT16_MIN, INT16_MAX);
-    int64_t nominal2 = foc->setting[FOC_P_NOMINAL] * foc->setting[FOC_P_NOMINAL];
-    int64_t limit = (foc->setting[FOC_P_PEAK] * foc->setting[FOC_P_PEAK] - nominal2) * 10;
-
-    foc->i2t += (current * current - nominal2) / 1024;
-    foc->i2t = foc->i2t > 0 ? foc->i2t : 0;
-    if (foc->axis.mode != ICUB_MODE_NOT_CONFIGURED && !(foc->flags & FOC_HAS_TEMPERATURE) &&
-        foc->i2t > limit && foc->axis.mode != ICUB_MODE_HARDWARE_FAULT) {
-        board->boards->counters.trips++;
-        foc_board_raise_faults(board, FOC_FAULT_I2T);
-    }
-}
-
 /* Checks the age of the set point, current, supply, encoder and winding of a running motor. Raises
  * faults. */
 static void foc_board_watch_faults(struct board *board)
@@ -703,7 +685,20 @@ static void foc_board_control(struct board *board, struct ms_span span)
 
     foc_board_watch_faults(board);
     for (int64_t ms = span.from; ms < span.to; ms++) {
-        foc_board_watch_i2t(board);
+        /* Advance the firmware's I2t law by one millisecond. At the peak current an axis trips
+         * after 10.24 s. */
+        int64_t current = control_clamp(foc_board_current_ma(foc), INT16_MIN, INT16_MAX);
+        int64_t nominal2 = foc->nominal_ma * foc->nominal_ma;
+        int64_t limit = (foc->peak_ma * foc->peak_ma - nominal2) * 10;
+
+        foc->i2t += (current * current - nominal2) / 1024;
+        foc->i2t = foc->i2t > 0 ? foc->i2t : 0;
+        if (foc->axis.mode != ICUB_MODE_NOT_CONFIGURED && !(foc->flags & FOC_HAS_TEMPERATURE) &&
+            foc->i2t > limit && foc->axis.mode != ICUB_MODE_HARDWARE_FAULT) {
+            board->boards->counters.trips++;
+            foc_board_raise_faults(board, FOC_FAULT_I2T);
+        }
+
         foc_board_step_laws(foc);
     }
     if (!foc->axis.law.on) {

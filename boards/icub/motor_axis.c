@@ -276,35 +276,27 @@ bool motor_axis_is_owed_nothing(struct board *board, struct motor_axis *axis, bo
     return false;
 }
 
-/* Obeys SET_CONTROL_MODE exactly as the firmware does. */
-static void motor_axis_command_mode_strictly(struct board *board, struct motor_axis *axis,
-                                             int64_t mode)
-{
-    bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
-
-    if (axis->base.mode == ICUB_MODE_HARDWARE_FAULT) {
-        if (mode == ICUB_MODE_FORCE_IDLE) {
-            motor_axis_switch_strictly(board, axis, ICUB_MODE_IDLE);
-        }
-    } else if (axis->base.mode == ICUB_MODE_IDLE) {
-        if (!stop && motor_axis_is_owed_nothing(board, axis, axis->calibrated)) {
-            motor_axis_switch_strictly(board, axis, mode);
-            motor_board_print_number(board, "PWM ENA:", motor_axis_index(board, axis));
-        }
-    } else if (stop) {
-        motor_board_print_number(board, "PWM DIS:", motor_axis_index(board, axis));
-        motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
-    } else {
-        motor_axis_switch_strictly(board, axis, mode);
-    }
-}
-
 bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64_t mode)
 {
     bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
 
+    /* A strict board obeys SET_CONTROL_MODE exactly as the firmware does */
     if (board->config.strict) {
-        motor_axis_command_mode_strictly(board, axis, mode);
+        if (axis->base.mode == ICUB_MODE_HARDWARE_FAULT) {
+            if (mode == ICUB_MODE_FORCE_IDLE) {
+                motor_axis_switch_strictly(board, axis, ICUB_MODE_IDLE);
+            }
+        } else if (axis->base.mode == ICUB_MODE_IDLE) {
+            if (!stop && motor_axis_is_owed_nothing(board, axis, axis->calibrated)) {
+                motor_axis_switch_strictly(board, axis, mode);
+                motor_board_print_number(board, "PWM ENA:", motor_axis_index(board, axis));
+            }
+        } else if (stop) {
+            motor_board_print_number(board, "PWM DIS:", motor_axis_index(board, axis));
+            motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
+        } else {
+            motor_axis_switch_strictly(board, axis, mode);
+        }
         return true;
     }
     if (!stop &&
@@ -340,36 +332,6 @@ bool motor_axis_has_velocity(const struct motor_axis *axis)
 }
 
 /* Checks faults, limits and time-outs of a motor board. */
-
-/* Checks supply, encoders, torque sensor and current. A fault stops a running axis. */
-static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis)
-{
-    double limit_a = (double)axis->parameter[ICUB_P_CURRENT_LIMIT] * 1e-3;
-    uint32_t now = axis_find_faults(board, &axis->base, limit_a);
-    bool over_current = now & AXIS_OVER_CURRENT;
-    uint8_t faults = (uint8_t)((now & AXIS_UNDER_VOLTAGE ? ICUB_FAULT_UNDER_VOLTAGE : 0) |
-                               (now & AXIS_OVER_VOLTAGE ? ICUB_FAULT_OVER_VOLTAGE : 0) |
-                               (now & (AXIS_MOTOR_ENCODER | AXIS_LINK_ENCODER | AXIS_TORQUE_SENSOR)
-                                    ? ICUB_FAULT_ABSOLUTE_ENCODER
-                                    : 0));
-    uint8_t risen = faults & (uint8_t)~axis->faults;
-
-    axis->faults = faults;
-    /* Report over-current once and other faults while they last */
-    if (over_current) {
-        axis->faults_once |= ICUB_FAULT_OVER_CURRENT;
-        risen |= ICUB_FAULT_OVER_CURRENT;
-        board->boards->counters.trips++;
-        motor_board_print(board, "OVERCURRENT");
-    }
-    if (risen) {
-        board_event(board, BOARD_EVENT_FAULT, motor_axis_index(board, axis), risen, 0);
-        motor_board_of(board)->status_due = true;
-    }
-    if (motor_runs(axis->base.mode) && (faults || over_current)) {
-        motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
-    }
-}
 
 /* Returns the state of the CAN controller in the format of STATUS byte 4. */
 uint8_t motor_board_can_status(const struct board *board)
@@ -470,7 +432,33 @@ void motor_board_watch(struct board *board)
     for (int i = 0; i < MOTOR_AXES; i++) {
         struct motor_axis *axis = &motor->axis[i];
 
-        motor_axis_watch_faults(board, axis);
+        /* Check supply, encoders, torque sensor and current. A fault stops a running axis. */
+        double limit_a = (double)axis->parameter[ICUB_P_CURRENT_LIMIT] * 1e-3;
+        uint32_t now = axis_find_faults(board, &axis->base, limit_a);
+        bool over_current = now & AXIS_OVER_CURRENT;
+        uint8_t faults =
+            (uint8_t)((now & AXIS_UNDER_VOLTAGE ? ICUB_FAULT_UNDER_VOLTAGE : 0) |
+                      (now & AXIS_OVER_VOLTAGE ? ICUB_FAULT_OVER_VOLTAGE : 0) |
+                      (now & (AXIS_MOTOR_ENCODER | AXIS_LINK_ENCODER | AXIS_TORQUE_SENSOR)
+                           ? ICUB_FAULT_ABSOLUTE_ENCODER
+                           : 0));
+        uint8_t risen = faults & (uint8_t)~axis->faults;
+
+        axis->faults = faults;
+        /* Report over-current once and other faults while they last */
+        if (over_current) {
+            axis->faults_once |= ICUB_FAULT_OVER_CURRENT;
+            risen |= ICUB_FAULT_OVER_CURRENT;
+            board->boards->counters.trips++;
+            motor_board_print(board, "OVERCURRENT");
+        }
+        if (risen) {
+            board_event(board, BOARD_EVENT_FAULT, motor_axis_index(board, axis), risen, 0);
+            motor_board_of(board)->status_due = true;
+        }
+        if (motor_runs(axis->base.mode) && (faults || over_current)) {
+            motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
+        }
 
         /* Check the winding temperature. A running axis stops above its limit. */
         int64_t limit = axis->parameter[ICUB_P_TEMPERATURE_LIMIT];

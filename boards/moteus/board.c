@@ -673,32 +673,6 @@ static bool moteus_serve_subframe(struct moteus_exchange *x)
     return false;
 }
 
-/* Executes a frame, queues the reply and returns the verdict. */
-static enum board_verdict moteus_board_serve(struct board *board, const struct bus_frame *frame)
-{
-    struct moteus_exchange x = {.board = board,
-                                .frame = frame,
-                                .verdict = BOARD_OBEYED,
-                                .replies = frame->id & MOTEUS_WANTS_REPLY};
-
-    while (x.at < frame->len && moteus_serve_subframe(&x)) {
-    }
-    if (x.commands && !x.discard) {
-        moteus_board_command(board);
-    }
-    /* Reply in the format of the request. A reply that is too long for it is CAN FD */
-    if (x.replies && !x.discard) {
-        uint32_t id = moteus_id(board->address, frame->id >> 8 & 0x7f);
-        uint8_t length = frame_fd_length(x.used);
-        unsigned flags = (frame->flags & (FRAME_FD | FRAME_BRS)) | (length > 8 ? FRAME_FD : 0) |
-                         (id > 0x7ff ? FRAME_EXTENDED : 0);
-
-        memset(x.reply + x.used, MOTEUS_NOP, length - x.used);
-        board_queue_as(board, id, (uint8_t)flags, length, x.reply);
-    }
-    return x.verdict;
-}
-
 /* A bus of moteus controllers: finds the receivers of a frame. */
 
 /* Passes a frame to one controller or to all controllers (struct board_bus_ops). */
@@ -717,7 +691,29 @@ static void moteus_bus_receive(struct boards *boards, struct board_bus *bus,
         if (board && (all || address == destination) && !board_is_deaf(board)) {
             listener = board;
             board_hear(board);
-            verdict = moteus_board_serve(board, frame);
+
+            /* Execute the frame and queue the reply */
+            struct moteus_exchange x = {.board = board,
+                                        .frame = frame,
+                                        .verdict = BOARD_OBEYED,
+                                        .replies = frame->id & MOTEUS_WANTS_REPLY};
+
+            while (x.at < frame->len && moteus_serve_subframe(&x)) {
+            }
+            if (x.commands && !x.discard) {
+                moteus_board_command(board);
+            }
+            /* Reply in the format of the request. A reply that is too long for it is CAN FD */
+            if (x.replies && !x.discard) {
+                uint32_t id = moteus_id(board->address, frame->id >> 8 & 0x7f);
+                uint8_t length = frame_fd_length(x.used);
+                unsigned flags = (frame->flags & (FRAME_FD | FRAME_BRS)) |
+                                 (length > 8 ? FRAME_FD : 0) | (id > 0x7ff ? FRAME_EXTENDED : 0);
+
+                memset(x.reply + x.used, MOTEUS_NOP, length - x.used);
+                board_queue_as(board, id, (uint8_t)flags, length, x.reply);
+            }
+            verdict = x.verdict;
         }
     }
     boards_count_frame(boards, listener, verdict, frame);

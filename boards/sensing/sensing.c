@@ -668,27 +668,6 @@ static double channel_filter(struct channel *channel, double x, bool started)
     return y;
 }
 
-/* Updates the slow errors: drift, ramp and instability. Returns their sum. */
-static double channel_wander(struct channel *channel, double tick_s, bool started)
-{
-    const struct sensor_error *e = &channel->error;
-
-    if (started) {
-        channel->ramp += e->ramp_per_s * tick_s;
-        if (e->drift_per_sqrt_s > 0.0) {
-            channel->drift += e->drift_per_sqrt_s * sqrt(tick_s) * random_gaussian(&channel->walk);
-        }
-    }
-    if (e->instability_rms > 0.0) {
-        /* The first value already has the stationary variance */
-        double keep = started ? channel->bias_keep : 0.0;
-
-        channel->bias = keep * channel->bias + e->instability_rms * sqrt(1.0 - keep * keep) *
-                                                   random_gaussian(&channel->wander);
-    }
-    return channel->drift + channel->ramp + channel->bias;
-}
-
 /* Shifts the stored values of a channel after the zero of its input has moved. */
 static void sensing_shift_channel(struct channel *channel, double shift)
 {
@@ -713,7 +692,25 @@ static double sensing_measure_channel(const struct sensing *s, struct channel *c
     x = channel_lag(channel, x, s->started);
     x = channel_filter(channel, x, s->started);
     x = channel_delay(channel, x, s->config.tick_ns, s->started);
-    wander = channel_wander(channel, 1e-9 * (double)s->config.tick_ns, s->started);
+
+    /* Update the slow errors: drift, ramp and instability */
+    double tick_s = 1e-9 * (double)s->config.tick_ns;
+
+    if (s->started) {
+        channel->ramp += e->ramp_per_s * tick_s;
+        if (e->drift_per_sqrt_s > 0.0) {
+            channel->drift += e->drift_per_sqrt_s * sqrt(tick_s) * random_gaussian(&channel->walk);
+        }
+    }
+    if (e->instability_rms > 0.0) {
+        /* The first value already has the stationary variance */
+        double keep = s->started ? channel->bias_keep : 0.0;
+
+        channel->bias = keep * channel->bias + e->instability_rms * sqrt(1.0 - keep * keep) *
+                                                   random_gaussian(&channel->wander);
+    }
+    wander = channel->drift + channel->ramp + channel->bias;
+
     x += (e->gain_error + e->gain_per_k * warm_k) * x + e->offset + e->offset_per_k * warm_k +
          wander;
     if (e->noise_rms > 0.0) {
@@ -885,27 +882,6 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
                                           sensing_heat_winding(s, j, truth));
 }
 
-/* Sets the peak of a force-torque channel to its reading plus the true peak's excess over the true
- * value. A fault on the channel removes the excess. A saturated converter gives the true peak. */
-static void sensing_set_ft_peak(const struct sensing *s, size_t f, const struct ft_sense *truth,
-                                size_t channel)
-{
-    struct ft_sense *out = &s->measured.ft[f];
-    const size_t i = channel % 3;
-    const size_t number = sensing_ft_channel(s, f, channel);
-    const double end = s->channel[number].error.full_scale;
-    const bool fails = sensing_channel_fails(s, number, true);
-    const double true_peak = channel < 3 ? truth->peak_n[i] : truth->peak_nm[i];
-    const double *true_now = channel < 3 ? truth->force_n : truth->torque_nm;
-    const double reading = channel < 3 ? out->force_n[i] : out->torque_nm[i];
-    double peak = reading + (fails ? 0.0 : true_peak - true_now[i]);
-
-    if (!fails && end > 0.0 && fabs(true_now[i]) > end) {
-        peak = true_peak;
-    }
-    *(channel < 3 ? &out->peak_n[i] : &out->peak_nm[i]) = peak;
-}
-
 /* Reads a force-torque sensor: crosstalk, then each channel. */
 static void sensing_read_ft(struct sensing *s, size_t f, const struct ft_sense *truth)
 {
@@ -926,7 +902,23 @@ static void sensing_read_ft(struct sensing *s, size_t f, const struct ft_sense *
         } else {
             out->torque_nm[to - 3] = sum;
         }
-        sensing_set_ft_peak(s, f, truth, to);
+
+        /* Set the peak of a force-torque channel to its reading plus the true peak's excess over
+         * the true value. A fault on the channel removes the excess. A saturated converter gives
+         * the true peak. */
+        const size_t i = to % 3;
+        const size_t number = sensing_ft_channel(s, f, to);
+        const double end = s->channel[number].error.full_scale;
+        const bool fails = sensing_channel_fails(s, number, true);
+        const double true_peak = to < 3 ? truth->peak_n[i] : truth->peak_nm[i];
+        const double *true_now = to < 3 ? truth->force_n : truth->torque_nm;
+        const double reading = to < 3 ? out->force_n[i] : out->torque_nm[i];
+        double peak = reading + (fails ? 0.0 : true_peak - true_now[i]);
+
+        if (!fails && end > 0.0 && fabs(true_now[i]) > end) {
+            peak = true_peak;
+        }
+        *(to < 3 ? &out->peak_n[i] : &out->peak_nm[i]) = peak;
     }
 }
 
@@ -964,30 +956,6 @@ static void sensing_read_orientation(struct sensing *s, const double truth[4])
     for (size_t i = 0; i < 4; i++) {
         out[i] = plain ? truth[i] : square > 0.0 ? out[i] / sqrt(square) : 0.0;
     }
-}
-
-/* Reads the inertial sensor. */
-static void sensing_read_imu(struct sensing *s, const struct imu_sense *truth)
-{
-    const struct sensor_imu *imu = &s->config.imu;
-    struct imu_sense *out = &s->measured.imu;
-    double rate[3], force[3];
-
-    sensing_turn(s->misaligned[0], imu->gyro_misalignment_rad, truth->gyro_rad_s, rate);
-    sensing_turn(s->misaligned[1], imu->accel_misalignment_rad, truth->accel_m_s2, force);
-    for (size_t i = 0; i < 3; i++) {
-        out->gyro_rad_s[i] = sensing_read_channel(s, sensing_imu_channel(s, i), rate[i]);
-        out->accel_m_s2[i] = sensing_read_channel(s, sensing_imu_channel(s, 3 + i), force[i]);
-        out->magnetic_t[i] =
-            sensing_read_channel(s, sensing_imu_channel(s, 6 + i), truth->magnetic_t[i]);
-    }
-    if (imu->ahrs.on && !s->started) {
-        ahrs_align(&s->ahrs, out->accel_m_s2, out->magnetic_t, out->gyro_rad_s);
-    } else if (imu->ahrs.on) {
-        ahrs_update(&s->ahrs, &imu->ahrs, out->gyro_rad_s, out->accel_m_s2, out->magnetic_t,
-                    1e-9 * (double)s->config.tick_ns);
-    }
-    sensing_read_orientation(s, imu->ahrs.on ? s->ahrs.quaternion : truth->quaternion);
 }
 
 void sensing_scale_noise(struct sensing *s, double factor)
@@ -1051,7 +1019,28 @@ const struct plant_sensors *sensing_sample(struct sensing *s, int64_t now_ns,
     for (size_t f = 0; f < s->config.nft; f++) {
         sensing_read_ft(s, f, &truth->ft[f]);
     }
-    sensing_read_imu(s, &truth->imu);
+
+    /* Read the inertial sensor */
+    const struct sensor_imu *imu = &s->config.imu;
+    struct imu_sense *out = &s->measured.imu;
+    double rate[3], force[3];
+
+    sensing_turn(s->misaligned[0], imu->gyro_misalignment_rad, truth->imu.gyro_rad_s, rate);
+    sensing_turn(s->misaligned[1], imu->accel_misalignment_rad, truth->imu.accel_m_s2, force);
+    for (size_t i = 0; i < 3; i++) {
+        out->gyro_rad_s[i] = sensing_read_channel(s, sensing_imu_channel(s, i), rate[i]);
+        out->accel_m_s2[i] = sensing_read_channel(s, sensing_imu_channel(s, 3 + i), force[i]);
+        out->magnetic_t[i] =
+            sensing_read_channel(s, sensing_imu_channel(s, 6 + i), truth->imu.magnetic_t[i]);
+    }
+    if (imu->ahrs.on && !s->started) {
+        ahrs_align(&s->ahrs, out->accel_m_s2, out->magnetic_t, out->gyro_rad_s);
+    } else if (imu->ahrs.on) {
+        ahrs_update(&s->ahrs, &imu->ahrs, out->gyro_rad_s, out->accel_m_s2, out->magnetic_t,
+                    1e-9 * (double)s->config.tick_ns);
+    }
+    sensing_read_orientation(s, imu->ahrs.on ? s->ahrs.quaternion : truth->imu.quaternion);
+
     s->started = true;
     return &s->measured;
 }
