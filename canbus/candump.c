@@ -396,25 +396,6 @@ enum error_code candump_open(struct candump_reader *reader, const char *path, st
     return input_file_stream(path, &reader->file, error);
 }
 
-/* Reads the next line. Returns its size with the newline; 0 = end of the file. For a longer line
- * than the buffer, returns CANDUMP_LINE_MAX + 1, and the buffer has the beginning of the line. */
-static size_t candump_read_line(FILE *file, char line[CANDUMP_LINE_MAX])
-{
-    size_t size = 0;
-    int c;
-
-    while ((c = getc(file)) != EOF) {
-        if (size < CANDUMP_LINE_MAX) {
-            line[size] = (char)c;
-        }
-        size += size <= CANDUMP_LINE_MAX;
-        if (c == '\n') {
-            break;
-        }
-    }
-    return size;
-}
-
 enum error_code candump_next(struct candump_reader *reader, struct bus_frame *frame, char bus[16],
                              bool *end, struct error *error)
 {
@@ -423,7 +404,20 @@ enum error_code candump_next(struct candump_reader *reader, struct bus_frame *fr
 
     for (;;) {
         cursor = (struct candump_cursor){.text = line};
-        cursor.size = candump_read_line(reader->file, line);
+
+        /* Read the next line. Its size includes the newline; 0 = end of the file. For a longer line
+         * than the buffer the size is CANDUMP_LINE_MAX + 1. */
+        int c;
+
+        while ((c = getc(reader->file)) != EOF) {
+            if (cursor.size < CANDUMP_LINE_MAX) {
+                line[cursor.size] = (char)c;
+            }
+            cursor.size += cursor.size <= CANDUMP_LINE_MAX;
+            if (c == '\n') {
+                break;
+            }
+        }
         *end = !cursor.size;
         if (ferror(reader->file)) {
             return error_set_errno(error, errno, "cannot read the log %s", reader->path);

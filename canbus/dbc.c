@@ -65,12 +65,11 @@ bool dbc_is_name(const char *name)
 
 static enum error_code dbc_check_name(const char *what, const char *name, struct error *error)
 {
-    return dbc_is_name(name)
-               ? ERROR_NONE
-               : error_set(error, ERROR_INPUT,
-                           "found %s \"%.40s\", expected at most %d letters, digits and _ that are "
-                           "no word of the format",
-                           what, name, DBC_NAME_MAX);
+    return dbc_is_name(name) ? ERROR_NONE
+                             : error_set(error, ERROR_INPUT,
+                                         "found %s \"%.40s\", expected at most %d letters, digits "
+                                         "and _ that are no word of the format",
+                                         what, name, DBC_NAME_MAX);
 }
 
 static enum error_code dbc_check_text(const char *what, const char *text, struct error *error)
@@ -177,8 +176,8 @@ static enum error_code dbc_check_message(const struct dbc *dbc, const struct dbc
         message->sender < DBC_NO_NODE || message->sender >= (int)dbc->nnode) {
         return error_set(error, ERROR_INPUT,
                          "found message %s of %u bytes with identifier 0x%" PRIx32
-                         ", mask 0x%" PRIx32 ", cycle %" PRIu32 " ms and sender %d, expected at "
-                         "most %u bytes, 0x%" PRIx32
+                         ", mask 0x%" PRIx32 ", cycle %" PRIu32
+                         " ms and sender %d, expected at most %u bytes, 0x%" PRIx32
                          ", mask bits that are 0 in it, %d ms and a node",
                          message->name, length, message->id & ~DBC_EXTENDED, message->id_mask,
                          message->cycle_ms, message->sender, longest, most, DBC_CYCLE_MAX_MS);
@@ -305,12 +304,11 @@ static enum error_code dbc_check_signal(const struct dbc *dbc, const struct dbc_
     if (!isfinite(signal->scale) || signal->scale == 0.0 || !isfinite(signal->offset) ||
         !isfinite(signal->min) || !isfinite(signal->max) || signal->min > signal->max ||
         (signal->type == DBC_FLOAT && signal->bits != 32)) {
-        return error_set(error, ERROR_INPUT,
-                         "found signal %s of %d bits with factor %g, offset %g and range %g to %g, "
-                         "expected finite numbers, a factor other than 0, a range that ascends, "
-                         "and 32 bits of a float",
-                         signal->name, signal->bits, signal->scale, signal->offset, signal->min,
-                         signal->max);
+        return error_set(
+            error, ERROR_INPUT,
+            "found signal %s of %d bits with factor %g, offset %g and range %g to %g, expected "
+            "finite numbers, a factor other than 0, a range that ascends, and 32 bits of a float",
+            signal->name, signal->bits, signal->scale, signal->offset, signal->min, signal->max);
     }
     /* A message has at most one multiplexor; a multiplexed signal has one of its values as
      * selector */
@@ -324,16 +322,16 @@ static enum error_code dbc_check_signal(const struct dbc *dbc, const struct dbc_
 
     /* Check its place in the message, and its receivers */
     if (!dbc_signal_fits(signal, message->length)) {
-        return error_set(error, ERROR_INPUT,
-                         "found signal %s of %d bits from bit %d on, expected it within the %d "
-                         "bytes of %s",
-                         signal->name, signal->bits, signal->start, message->length, message->name);
+        return error_set(
+            error, ERROR_INPUT,
+            "found signal %s of %d bits from bit %d on, expected it within the %d bytes of %s",
+            signal->name, signal->bits, signal->start, message->length, message->name);
     }
     if (signal->frame_length > message->length ||
         (dbc->nnode < DBC_NODES_MAX && signal->receivers >> dbc->nnode)) {
         return error_set(error, ERROR_INPUT,
-                         "found frame length %d and receivers 0x%" PRIx64 ", expected at most %d "
-                         "and only nodes",
+                         "found frame length %d and receivers 0x%" PRIx64
+                         ", expected at most %d and only nodes",
                          signal->frame_length, signal->receivers, message->length);
     }
 
@@ -589,29 +587,6 @@ static void dbc_put_signal(const struct dbc *dbc, const struct dbc_signal *signa
     fputs(signal->receivers ? "\n" : DBC_NOBODY "\n", file);
 }
 
-/* Writes the comments (CM_) of the network, nodes, messages and signals. */
-static void dbc_put_comments(const struct dbc *dbc, FILE *file)
-{
-    if (dbc->comment) {
-        fprintf(file, "CM_ \"%s\";\n", dbc->comment);
-    }
-    for (size_t i = 0; i < dbc->nnode; i++) {
-        if (dbc->node[i].comment) {
-            fprintf(file, "CM_ BU_ %s \"%s\";\n", dbc->node[i].name, dbc->node[i].comment);
-        }
-    }
-    for (const struct dbc_message *m = dbc->message; m; m = m->next) {
-        if (m->comment) {
-            fprintf(file, "CM_ BO_ %" PRIu32 " \"%s\";\n", m->id, m->comment);
-        }
-        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
-            if (s->comment) {
-                fprintf(file, "CM_ SG_ %" PRIu32 " %s \"%s\";\n", m->id, s->name, s->comment);
-            }
-        }
-    }
-}
-
 /* Writes the attributes (BA_): of the network, then of each message and its signals. */
 static void dbc_put_attributes(const struct dbc *dbc, FILE *file)
 {
@@ -679,7 +654,27 @@ enum error_code dbc_write(const struct dbc *dbc, FILE *file, struct error *error
         }
     }
     fputc('\n', file);
-    dbc_put_comments(dbc, file);
+
+    /* Write the comments (CM_) of the network, nodes, messages and signals */
+    if (dbc->comment) {
+        fprintf(file, "CM_ \"%s\";\n", dbc->comment);
+    }
+    for (size_t i = 0; i < dbc->nnode; i++) {
+        if (dbc->node[i].comment) {
+            fprintf(file, "CM_ BU_ %s \"%s\";\n", dbc->node[i].name, dbc->node[i].comment);
+        }
+    }
+    for (const struct dbc_message *m = dbc->message; m; m = m->next) {
+        if (m->comment) {
+            fprintf(file, "CM_ BO_ %" PRIu32 " \"%s\";\n", m->id, m->comment);
+        }
+        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
+            if (s->comment) {
+                fprintf(file, "CM_ SG_ %" PRIu32 " %s \"%s\";\n", m->id, s->name, s->comment);
+            }
+        }
+    }
+
     dbc_put_attributes(dbc, file);
 
     /* Write the names of values (VAL_) */

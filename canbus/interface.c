@@ -131,29 +131,6 @@ static enum error_code interface_check_controller(const char *name, struct link_
     return ERROR_NONE;
 }
 
-/* Checks the ranges of bit rate, sample point and restart time. */
-static enum error_code interface_check_settings(const char *name,
-                                                const struct interface_settings *settings,
-                                                struct error *error)
-{
-    if (settings->bitrate < 1 || settings->bitrate > BITRATE_MAX) {
-        return error_set(error, ERROR_INPUT,
-                         "interface %s: bit rate %" PRId64 ", expected 1 to %d bit/s", name,
-                         settings->bitrate, BITRATE_MAX);
-    }
-    if (!(settings->sample_point >= 0.0 && settings->sample_point < 1.0)) {
-        return error_set(error, ERROR_INPUT,
-                         "interface %s: sample point %g, expected a part of a bit below 1", name,
-                         settings->sample_point);
-    }
-    if (settings->restart_ms < 0 || settings->restart_ms > RESTART_MS_MAX) {
-        return error_set(error, ERROR_INPUT,
-                         "interface %s: restart after %" PRId64 " ms, expected 0 to %d", name,
-                         settings->restart_ms, RESTART_MS_MAX);
-    }
-    return ERROR_NONE;
-}
-
 /* Converts a result of libsocketcan and errno into an error. */
 static enum error_code interface_check_result(int result, const char *name, const char *what,
                                               struct error *error)
@@ -228,10 +205,24 @@ static enum error_code interface_configure(void *context, const char *name,
     enum error_code code;
 
     (void)context;
-    code = interface_check_settings(name, settings, error);
-    if (code) {
-        return code;
+
+    /* Check the ranges of bit rate, sample point and restart time */
+    if (settings->bitrate < 1 || settings->bitrate > BITRATE_MAX) {
+        return error_set(error, ERROR_INPUT,
+                         "interface %s: bit rate %" PRId64 ", expected 1 to %d bit/s", name,
+                         settings->bitrate, BITRATE_MAX);
     }
+    if (!(settings->sample_point >= 0.0 && settings->sample_point < 1.0)) {
+        return error_set(error, ERROR_INPUT,
+                         "interface %s: sample point %g, expected a part of a bit below 1", name,
+                         settings->sample_point);
+    }
+    if (settings->restart_ms < 0 || settings->restart_ms > RESTART_MS_MAX) {
+        return error_set(error, ERROR_INPUT,
+                         "interface %s: restart after %" PRId64 " ms, expected 0 to %d", name,
+                         settings->restart_ms, RESTART_MS_MAX);
+    }
+
     code = interface_check_controller(name, &before, error);
     if (code) {
         return code;

@@ -255,29 +255,6 @@ static void local_deliver_to_listener(struct local_bus *bus, const struct bus_fr
     }
 }
 
-/* Delivers a carried frame to the ports whose controllers have received it. */
-static void local_deliver_carried(struct local_bus *bus, const struct wire_event *event)
-{
-    const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
-
-    for (size_t to = 0; to < nodes; to++) {
-        const struct local_node *node = &bus->nodes[to];
-
-        if (!(node->controller_mask & event->receivers) ||
-            node->controller_mask >> event->node & 1) {
-            continue;
-        }
-        if (to == 0 && bus->listener) {
-            local_deliver_to_listener(bus, event->frame);
-        } else {
-            local_deliver_from_wire(bus, to, event->frame);
-        }
-    }
-    if (bus->tap) {
-        bus->tap(bus->tap_context, event->frame);
-    }
-}
-
 /* Makes the error frame that SocketCAN would send for a change of a controller's state. */
 static struct bus_frame local_make_state_frame(enum wire_state before,
                                                const struct wire_event *event)
@@ -308,22 +285,6 @@ static struct bus_frame local_make_state_frame(enum wire_state before,
     return frame;
 }
 
-/* Returns the state of a port: the worst of its controllers on the bus, bus-off if none is. */
-static enum wire_state local_port_wire_state(const struct local_bus *bus,
-                                             const struct local_node *node)
-{
-    enum wire_state worst = WIRE_ERROR_ACTIVE;
-    size_t off = 0;
-
-    for (size_t i = 0; i < node->controllers; i++) {
-        enum wire_state state = bus->state[node->first_controller + i];
-
-        off += state == WIRE_BUS_OFF;
-        worst = state != WIRE_BUS_OFF && state > worst ? state : worst;
-    }
-    return off == node->controllers ? WIRE_BUS_OFF : worst;
-}
-
 /* Records a controller's new state; its port gets an error frame when that changes the port's
  * state. */
 static void local_report_state(struct local_bus *bus, const struct wire_event *event)
@@ -342,7 +303,19 @@ static void local_report_state(struct local_bus *bus, const struct wire_event *e
         return;
     }
     before = owner->shown;
-    shown.state = local_port_wire_state(bus, owner);
+
+    /* The state of a port: the worst of its controllers on the bus, bus-off if none is */
+    enum wire_state worst = WIRE_ERROR_ACTIVE;
+    size_t off = 0;
+
+    for (size_t i = 0; i < owner->controllers; i++) {
+        enum wire_state state = bus->state[owner->first_controller + i];
+
+        off += state == WIRE_BUS_OFF;
+        worst = state != WIRE_BUS_OFF && state > worst ? state : worst;
+    }
+    shown.state = off == owner->controllers ? WIRE_BUS_OFF : worst;
+
     if (shown.state != before) {
         owner->shown = shown.state;
         frame = local_make_state_frame(before, &shown);
@@ -356,7 +329,25 @@ static void local_receive_wire_event(void *context, const struct wire_event *eve
     struct local_bus *bus = context;
 
     if (event->kind == WIRE_TRANSMIT) {
-        local_deliver_carried(bus, event);
+        /* Deliver a carried frame to the ports whose controllers have received it */
+        const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
+
+        for (size_t to = 0; to < nodes; to++) {
+            const struct local_node *node = &bus->nodes[to];
+
+            if (!(node->controller_mask & event->receivers) ||
+                node->controller_mask >> event->node & 1) {
+                continue;
+            }
+            if (to == 0 && bus->listener) {
+                local_deliver_to_listener(bus, event->frame);
+            } else {
+                local_deliver_from_wire(bus, to, event->frame);
+            }
+        }
+        if (bus->tap) {
+            bus->tap(bus->tap_context, event->frame);
+        }
     } else if (event->kind == WIRE_STATUS && event->node < bus->controllers) {
         local_report_state(bus, event);
     }

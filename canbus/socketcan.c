@@ -269,40 +269,6 @@ static size_t socketcan_fill_batch(struct socketcan *can, const struct bus_frame
     return size;
 }
 
-/* Sends a batch of `size` frames. Returns the number of processed frames: the kernel accepted
- * *taken of them, the others were skipped. */
-static size_t socketcan_send_batch(struct socketcan *can, const struct bus_frame *frames,
-                                   size_t size, size_t *taken)
-{
-    size_t slot = 0;
-
-    while (slot < size) {
-        const int sent =
-            sendmmsg(can->socket, &can->message[slot], (unsigned)(size - slot), MSG_DONTWAIT);
-
-        if (sent > 0) {
-            for (int i = 0; i < sent; i++) {
-                port_count_sent(&can->port, &frames[slot++]);
-            }
-            *taken += (size_t)sent;
-            socketcan_note_queue_moving(can);
-            /* || A frame that the device cannot carry is skipped */
-        } else if (errno == EINVAL || errno == EMSGSIZE) {
-            slot++;
-            can->port.counters.tx_dropped++;
-        } else if (errno == ENOBUFS || errno == EAGAIN) {
-            socketcan_note_queue_full(can);
-            break;
-        } else {
-            if (socketcan_error_means_lost(errno)) {
-                socketcan_lose_interface(can, errno);
-            }
-            break;
-        }
-    }
-    return slot;
-}
-
 /* Sends frames until one fails. Returns the number of processed frames: the kernel accepted *taken
  * of them, the others are dropped. */
 static size_t socketcan_transmit(struct socketcan *can, const struct bus_frame *frames,
@@ -312,7 +278,34 @@ static size_t socketcan_transmit(struct socketcan *can, const struct bus_frame *
 
     while (at < count) {
         const size_t size = socketcan_fill_batch(can, frames + at, count - at);
-        const size_t done = socketcan_send_batch(can, frames + at, size, taken);
+
+        /* Send a batch of `size` frames; `done` counts the frames that were sent or skipped */
+        size_t done = 0;
+
+        while (done < size) {
+            const int sent =
+                sendmmsg(can->socket, &can->message[done], (unsigned)(size - done), MSG_DONTWAIT);
+
+            if (sent > 0) {
+                for (int i = 0; i < sent; i++) {
+                    port_count_sent(&can->port, &frames[at + done++]);
+                }
+                *taken += (size_t)sent;
+                socketcan_note_queue_moving(can);
+                /* || A frame that the device cannot carry is skipped */
+            } else if (errno == EINVAL || errno == EMSGSIZE) {
+                done++;
+                can->port.counters.tx_dropped++;
+            } else if (errno == ENOBUFS || errno == EAGAIN) {
+                socketcan_note_queue_full(can);
+                break;
+            } else {
+                if (socketcan_error_means_lost(errno)) {
+                    socketcan_lose_interface(can, errno);
+                }
+                break;
+            }
+        }
 
         at += done;
         if (done < size) {
@@ -484,22 +477,6 @@ static void socketcan_query_overflow(struct socketcan *can, bool full_batch)
     can->full_batch = full_batch;
 }
 
-/* Reads up to max frames (at most SOCKETCAN_BATCH) by one recvmmsg; returns how many, or -1 with
- * errno set. */
-static int socketcan_read_batch(struct socketcan *can, size_t max)
-{
-    for (size_t i = 0; i < max; i++) {
-        can->vector[i] = (struct iovec){.iov_base = &can->raw[i], .iov_len = sizeof can->raw[i]};
-        can->message[i] = (struct mmsghdr){
-            .msg_hdr = {.msg_iov = &can->vector[i],
-                        .msg_iovlen = 1,
-                        .msg_control = &can->ancillary[i],
-                        .msg_controllen = sizeof can->ancillary[i]},
-        };
-    }
-    return recvmmsg(can->socket, can->message, (unsigned)max, MSG_DONTWAIT, NULL);
-}
-
 /* Updates the state from another thread's query of the controller. */
 static void socketcan_update_state(struct socketcan *can)
 {
@@ -534,7 +511,20 @@ static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames,
     /* Read batches until one is not full */
     while (count < max) {
         const size_t wanted = max - count < SOCKETCAN_BATCH ? max - count : SOCKETCAN_BATCH;
-        const int got = socketcan_read_batch(can, wanted);
+
+        /* Read a batch by one recvmmsg; -1 with errno set = error */
+        for (size_t i = 0; i < wanted; i++) {
+            can->vector[i] =
+                (struct iovec){.iov_base = &can->raw[i], .iov_len = sizeof can->raw[i]};
+            can->message[i] = (struct mmsghdr){
+                .msg_hdr = {.msg_iov = &can->vector[i],
+                            .msg_iovlen = 1,
+                            .msg_control = &can->ancillary[i],
+                            .msg_controllen = sizeof can->ancillary[i]},
+            };
+        }
+        const int got = recvmmsg(can->socket, can->message, (unsigned)wanted, MSG_DONTWAIT, NULL);
+
         int64_t now, to_monotonic;
 
         if (got < 0) {

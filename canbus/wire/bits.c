@@ -100,27 +100,6 @@ static unsigned wire_run_state(unsigned bit, unsigned length)
  * bits, bits 12 and up the number of stuff bits. */
 enum { ENTRY_STATE = 7 << 8, ENTRY_LAST = 1 << 11, ENTRY_STUFFED = 12 };
 
-/* Computes the stuff table entry of a byte that follows a run of equal bits. */
-static uint16_t wire_make_stuff_entry(unsigned state, unsigned byte)
-{
-    unsigned bit = state / 4, length = state % 4 + 1, stuffed = 0, last = 0;
-
-    for (int i = 7; i >= 0; i--) {
-        unsigned next = byte >> i & 1;
-
-        length = next == bit ? length + 1 : 1;
-        bit = next;
-        last = length == STUFF_AFTER;
-        if (last) {
-            stuffed++;
-            bit = !bit;
-            length = 1;
-        }
-    }
-    return (uint16_t)(wire_run_state(bit, length) << 8 | (last ? ENTRY_LAST : 0) |
-                      stuffed << ENTRY_STUFFED);
-}
-
 void wire_tables_make(struct wire_tables *tables)
 {
     for (unsigned byte = 0; byte < 256; byte++) {
@@ -131,7 +110,24 @@ void wire_tables_make(struct wire_tables *tables)
         }
         tables->crc15[byte] = (uint16_t)(crc & 0x7FFF);
         for (unsigned state = 0; state < 8; state++) {
-            tables->stuff[state << 8 | byte] = wire_make_stuff_entry(state, byte);
+            /* Compute the stuff table entry of a byte that follows a run of equal bits */
+            unsigned bit = state / 4, length = state % 4 + 1, stuffed = 0, last = 0;
+
+            for (int i = 7; i >= 0; i--) {
+                unsigned next = byte >> i & 1;
+
+                length = next == bit ? length + 1 : 1;
+                bit = next;
+                last = length == STUFF_AFTER;
+                if (last) {
+                    stuffed++;
+                    bit = !bit;
+                    length = 1;
+                }
+            }
+            tables->stuff[state << 8 | byte] =
+                (uint16_t)(wire_run_state(bit, length) << 8 | (last ? ENTRY_LAST : 0) |
+                           stuffed << ENTRY_STUFFED);
         }
     }
 }
@@ -220,38 +216,33 @@ static unsigned wire_fd_fast_bits(uint8_t len)
     return 5 + 8u * len + check + (check + 3) / 4 + 1;
 }
 
-/* Computes the length of an FD frame, split into bits at the nominal and at the data rate. */
-static struct wire_length wire_fd_length(const struct wire_tables *tables,
-                                         const struct bus_frame *frame)
-{
-    const struct wire_header header =
-        wire_make_header(frame, frame->flags & FRAME_EXTENDED, frame->flags & FRAME_FD);
-    const unsigned slow = header.count - 5 + TRAILER_BITS - 1, fast = wire_fd_fast_bits(frame->len);
-    struct wire_counting counting = wire_count_header(tables, header.bits, header.count);
-    unsigned early;
-
-    for (unsigned i = 0; i < frame->len; i++) {
-        wire_count_byte(&counting, frame->data[i]);
-    }
-    /* A stuff bit behind the last data bit is replaced by the first fixed stuff bit */
-    counting.stuffed -= counting.entry & ENTRY_LAST ? 1 : 0;
-    if (!(frame->flags & FRAME_BRS)) {
-        return (struct wire_length){.nominal = (uint16_t)(slow + fast + counting.stuffed)};
-    }
-    /* Stuff bits at the nominal rate: SOF to BRS. BRS starts a new run, so no stuff bit follows
-     * it */
-    early = wire_count_header(tables, header.bits >> 5, header.count - 5).stuffed;
-    return (struct wire_length){
-        .nominal = (uint16_t)(slow + early),
-        .data = (uint16_t)(fast + counting.stuffed - early),
-    };
-}
-
 struct wire_length wire_frame_length(const struct wire_tables *tables,
                                      const struct bus_frame *frame)
 {
     if (frame->flags & FRAME_FD) {
-        return wire_fd_length(tables, frame);
+        /* Compute the length of an FD frame, split into bits at the nominal and at the data rate */
+        const struct wire_header header =
+            wire_make_header(frame, frame->flags & FRAME_EXTENDED, frame->flags & FRAME_FD);
+        const unsigned slow = header.count - 5 + TRAILER_BITS - 1,
+                       fast = wire_fd_fast_bits(frame->len);
+        struct wire_counting counting = wire_count_header(tables, header.bits, header.count);
+        unsigned early;
+
+        for (unsigned i = 0; i < frame->len; i++) {
+            wire_count_byte(&counting, frame->data[i]);
+        }
+        /* A stuff bit behind the last data bit is replaced by the first fixed stuff bit */
+        counting.stuffed -= counting.entry & ENTRY_LAST ? 1 : 0;
+        if (!(frame->flags & FRAME_BRS)) {
+            return (struct wire_length){.nominal = (uint16_t)(slow + fast + counting.stuffed)};
+        }
+        /* Stuff bits at the nominal rate: SOF to BRS. BRS starts a new run, so no stuff bit follows
+         * it */
+        early = wire_count_header(tables, header.bits >> 5, header.count - 5).stuffed;
+        return (struct wire_length){
+            .nominal = (uint16_t)(slow + early),
+            .data = (uint16_t)(fast + counting.stuffed - early),
+        };
     }
     return frame->flags & FRAME_EXTENDED ? wire_classic_length(tables, frame, true)
                                          : wire_classic_length(tables, frame, false);

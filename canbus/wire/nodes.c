@@ -117,24 +117,6 @@ static enum wire_state wire_node_state(const struct wire_node *node)
                : WIRE_ERROR_ACTIVE;
 }
 
-/* Takes a node off the bus: drops its queue and sets the time of its recovery. */
-static void wire_enter_bus_off(struct wire *wire, size_t index, int64_t time_ns)
-{
-    struct wire_node *node = &wire->node[index];
-
-    while (node->waiting) {
-        wire_slot_free(wire, node, node->heap[--node->waiting]);
-        wire_count_drop(wire, index, WIRE_DROP_BUS_OFF);
-    }
-    wire->pending &= ~WIRE_BIT(index);
-    wire->off |= WIRE_BIT(index);
-    node->runs = 0;
-    node->recovery_ns =
-        wire->config.restart_delay_ns < 0 ? WIRE_NEVER : time_ns + wire->config.restart_delay_ns;
-    node->stats.bus_offs++;
-    wire->stats.bus_offs++;
-}
-
 void wire_count_errors(struct wire *wire, size_t index, int64_t time_ns, int tec, int rec)
 {
     struct wire_node *node = &wire->node[index];
@@ -164,7 +146,19 @@ void wire_count_errors(struct wire *wire, size_t index, int64_t time_ns, int tec
 
     /* If the state changed, enter bus-off if needed, and emit an event */
     if (stats->state == WIRE_BUS_OFF) {
-        wire_enter_bus_off(wire, index, time_ns);
+        /* Take a node off the bus: drop its queue and set the time of its recovery */
+        while (node->waiting) {
+            wire_slot_free(wire, node, node->heap[--node->waiting]);
+            wire_count_drop(wire, index, WIRE_DROP_BUS_OFF);
+        }
+        wire->pending &= ~WIRE_BIT(index);
+        wire->off |= WIRE_BIT(index);
+        node->runs = 0;
+        node->recovery_ns = wire->config.restart_delay_ns < 0
+                                ? WIRE_NEVER
+                                : time_ns + wire->config.restart_delay_ns;
+        node->stats.bus_offs++;
+        wire->stats.bus_offs++;
     }
     wire_notify(wire, &(struct wire_event){.kind = WIRE_STATUS,
                                            .time_ns = time_ns,

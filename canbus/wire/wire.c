@@ -346,40 +346,6 @@ static void wire_return_to_queue(struct wire *wire, uint64_t nodes)
     }
 }
 
-/* Ends a disturbed frame, or one with disturbed senders. */
-static void wire_finish_disturbed(struct wire *wire)
-{
-    struct wire_flight *flight = &wire->flight;
-    const uint64_t senders = flight->senders | flight->beaten;
-    const uint64_t gone = senders & (wire->off | wire->unplugged);
-    size_t index;
-
-    /* A node that was unplugged or put into bus-off meanwhile has sent nothing */
-    wire_return_to_queue(wire, gone);
-    flight->senders &= ~gone;
-    flight->beaten &= ~gone;
-
-    /* The receivers may have accepted the frame, even if it is sent again */
-    if (flight->senders && !flight->failed) {
-        wire_finish_good(wire);
-    }
-    if (flight->failed || flight->repeat) {
-        wire_return_to_queue(wire, flight->senders);
-    }
-    wire_return_to_queue(wire, flight->beaten);
-
-    /* Update the error counters; suspend transmission of senders that are now passive */
-    if (flight->failed || flight->repeat || flight->beaten || flight->blind) {
-        wire_finish_error(wire);
-    }
-    WIRE_FOR_EACH(index, senders & wire->counting)
-    {
-        if (wire_is_passive(&wire->node[index])) {
-            wire->node[index].hold_ns = wire->idle_ns + wire_bits_ns(wire, WIRE_SUSPEND_BITS);
-        }
-    }
-}
-
 /* Ends the frame on the wire; the bus is idle after the intermission. */
 static void wire_finish_frame(struct wire *wire)
 {
@@ -390,7 +356,35 @@ static void wire_finish_frame(struct wire *wire)
                     wire_span_ns(WIRE_INTERMISSION_BITS, wire->config.bitrate, &wire->rest.nominal);
     wire->recessive_ns = flight->end_ns - wire->delimiter_ns;
     if (flight->disturbed || wire->off | wire->unplugged | wire->counting) {
-        wire_finish_disturbed(wire);
+        /* End a disturbed frame, or one with disturbed senders */
+        const uint64_t senders = flight->senders | flight->beaten;
+        const uint64_t gone = senders & (wire->off | wire->unplugged);
+        size_t index;
+
+        /* A node that was unplugged or put into bus-off meanwhile has sent nothing */
+        wire_return_to_queue(wire, gone);
+        flight->senders &= ~gone;
+        flight->beaten &= ~gone;
+
+        /* The receivers may have accepted the frame, even if it is sent again */
+        if (flight->senders && !flight->failed) {
+            wire_finish_good(wire);
+        }
+        if (flight->failed || flight->repeat) {
+            wire_return_to_queue(wire, flight->senders);
+        }
+        wire_return_to_queue(wire, flight->beaten);
+
+        /* Update the error counters; suspend transmission of senders that are now passive */
+        if (flight->failed || flight->repeat || flight->beaten || flight->blind) {
+            wire_finish_error(wire);
+        }
+        WIRE_FOR_EACH(index, senders & wire->counting)
+        {
+            if (wire_is_passive(&wire->node[index])) {
+                wire->node[index].hold_ns = wire->idle_ns + wire_bits_ns(wire, WIRE_SUSPEND_BITS);
+            }
+        }
     } else {
         wire_finish_good(wire);
     }
@@ -439,10 +433,11 @@ static void wire_keep_earlier_step(struct wire_step *step, enum wire_step_kind k
     }
 }
 
-/* Finds the next step up to and including to_ns. If steps are simultaneous, the first in the order
- * below wins. */
-static struct wire_step wire_next_step(const struct wire *wire, int64_t to_ns)
+/* Takes the next step of any kind up to to_ns; false = there is none. */
+static bool wire_take_step(struct wire *wire, int64_t to_ns)
 {
+    /* Find the next step up to and including to_ns. If steps are simultaneous, the first in the
+     * order below wins. */
     struct wire_step step = {STEP_NONE, to_ns < WIRE_NEVER ? to_ns + 1 : to_ns, 0};
     size_t index;
 
@@ -469,13 +464,7 @@ static struct wire_step wire_next_step(const struct wire *wire, int64_t to_ns)
             wire_keep_earlier_step(&step, STEP_START, at, 0);
         }
     }
-    return step;
-}
 
-/* Takes the next step of any kind up to to_ns; false = there is none. */
-static bool wire_take_step(struct wire *wire, int64_t to_ns)
-{
-    const struct wire_step step = wire_next_step(wire, to_ns);
     struct wire_late *late = &wire->late[step.index];
     struct wire_arbitration arbitration;
 
