@@ -17,31 +17,6 @@ static int pair_row_surface(const struct contact_config *config, const struct co
     return pair->a < pair->b ? pair->a : pair->b;
 }
 
-/* Adds a pair to the row of its surfaces; begins a row if there is none. */
-static void row_add_pair(const struct contact_config *config, size_t index, struct broad_row *row,
-                         size_t *nrow)
-{
-    const struct contact_pair *pair = &config->pair[index];
-    int surface = pair_row_surface(config, pair);
-    int other = pair->a == surface ? pair->b : pair->a;
-    int first = other / BROAD_LANES * BROAD_LANES;
-    size_t r = 0;
-
-    while (r < *nrow && (row[r].surface != surface || row[r].first != first)) {
-        r++;
-    }
-    if (r == *nrow) {
-        row[(*nrow)++] = (struct broad_row){
-            .surface = surface,
-            .first = first,
-            .plane = config->surface[surface].shape == CONTACT_HALF_SPACE,
-        };
-    }
-    row[r].wanted |= 1u << (other - first);
-    row[r].pair[other - first] = (int)index;
-    row[r].slack[other - first] = pair->slack_m;
-}
-
 enum error_code broad_phase_make(const struct contact_config *config, struct arena *arena,
                                  struct broad_phase *broad, struct error *error)
 {
@@ -84,7 +59,26 @@ enum error_code broad_phase_make(const struct contact_config *config, struct are
     broad->nrow = 0;
     broad->nword = (config->npair + 63) / 64;
     for (size_t i = 0; i < config->npair; i++) {
-        row_add_pair(config, i, row, &broad->nrow);
+        /* Add a pair to the row of its surfaces; begin a row if there is none */
+        const struct contact_pair *pair = &config->pair[i];
+        int surface = pair_row_surface(config, pair);
+        int other = pair->a == surface ? pair->b : pair->a;
+        int first = other / BROAD_LANES * BROAD_LANES;
+        size_t r = 0;
+
+        while (r < broad->nrow && (row[r].surface != surface || row[r].first != first)) {
+            r++;
+        }
+        if (r == broad->nrow) {
+            row[broad->nrow++] = (struct broad_row){
+                .surface = surface,
+                .first = first,
+                .plane = config->surface[surface].shape == CONTACT_HALF_SPACE,
+            };
+        }
+        row[r].wanted |= 1u << (other - first);
+        row[r].pair[other - first] = (int)i;
+        row[r].slack[other - first] = pair->slack_m;
     }
     return ERROR_NONE;
 }

@@ -301,8 +301,8 @@ static enum error_code obj_check_polygon(const struct obj_reader *r, struct obj_
         vec3_cross(a, b, turn);
         if (vec3_dot(turn, normal) < 0) {
             return obj_refuse(r, next_place,
-                              "found a corner that points inward, expected a convex polygon; "
-                              "split it into triangles");
+                              "found a corner that points inward, expected a convex polygon; split "
+                              "it into triangles");
         }
     }
     return ERROR_NONE;
@@ -498,18 +498,16 @@ static enum error_code obj_refuse_surface(const struct obj_reader *r, const stru
         return obj_refuse(r, place, "found a %s (vertex %d), expected one fan of faces around it",
                           what, f->vertex[0] + 1);
     case MESH_OPEN_EDGE:
-        return obj_refuse(
-            r, place,
-            "found an %s from vertex %d to %d, expected a closed surface (two faces on "
-            "every edge, shared vertices written once)",
-            what, f->vertex[0] + 1, f->vertex[1] + 1);
+        return obj_refuse(r, place,
+                          "found an %s from vertex %d to %d, expected a closed surface (two faces "
+                          "on every edge, shared vertices written once)",
+                          what, f->vertex[0] + 1, f->vertex[1] + 1);
     default:
-        return obj_refuse(
-            r, place,
-            "found %s %s at vertices %d and %d (see line %zu), expected two faces that "
-            "run the edge in opposite directions",
-            f->fault == MESH_FLIPPED_FACE ? "two" : "an", what, f->vertex[0] + 1, f->vertex[1] + 1,
-            other);
+        return obj_refuse(r, place,
+                          "found %s %s at vertices %d and %d (see line %zu), expected two faces "
+                          "that run the edge in opposite directions",
+                          f->fault == MESH_FLIPPED_FACE ? "two" : "an", what, f->vertex[0] + 1,
+                          f->vertex[1] + 1, other);
     }
 }
 

@@ -89,31 +89,6 @@ void solid_nearest_of_face(const struct solid *solid, int face, const double p[3
     face_find_nearest(solid, face, p, out);
 }
 
-/* Updates the nearest point with the faces of a leaf. Of equal distances, it takes the face over
- * which p is higher. height: height of p over the nearest face so far, m. */
-static void leaf_find_nearest(const struct solid *s, const struct tree_node *leaf,
-                              const double p[3], struct solid_nearest *nearest, double *height)
-{
-    for (int i = 0; i < leaf->count; i++) {
-        int face = s->faces.item[leaf->first + i];
-        double point[3], to[3], d2, h;
-        enum triangle_feature feature = face_find_nearest(s, face, p, point);
-
-        vec3_sub(p, point, to);
-        d2 = vec3_dot(to, to);
-        h = vec3_dot(to, s->normal[face]);
-        if (d2 < nearest->distance2 * (1 - TIE) ||
-            (nearest->face >= 0 && d2 <= nearest->distance2 * (1 + TIE) && fabs(h) > *height)) {
-            nearest->face = face;
-            nearest->feature = feature;
-            nearest->distance2 = d2;
-            nearest->inside = h < 0;
-            memcpy(nearest->point, point, sizeof point);
-            *height = fabs(h);
-        }
-    }
-}
-
 /* Searches by branch and bound. Unlike the walks of contact/mesh/tree.h, it visits the nearer child
  * first and keeps the distance of each box. So a near point found early excludes most of the
  * tree. */
@@ -139,7 +114,28 @@ bool solid_find_nearest(const struct solid *solid, const double p[3], double lim
             continue;
         }
         if (node->count > 0) {
-            leaf_find_nearest(solid, node, p, nearest, &height);
+            /* Update the nearest point with the faces of a leaf. Of equal distances, it takes the
+             * face over which p is higher. height: height of p over the nearest face so far, m. */
+            for (int i = 0; i < node->count; i++) {
+                int face = solid->faces.item[node->first + i];
+                double point[3], to[3], d2, h;
+                enum triangle_feature feature = face_find_nearest(solid, face, p, point);
+
+                vec3_sub(p, point, to);
+                d2 = vec3_dot(to, to);
+                h = vec3_dot(to, solid->normal[face]);
+                if (d2 < nearest->distance2 * (1 - TIE) ||
+                    (nearest->face >= 0 && d2 <= nearest->distance2 * (1 + TIE) &&
+                     fabs(h) > height)) {
+                    nearest->face = face;
+                    nearest->feature = feature;
+                    nearest->distance2 = d2;
+                    nearest->inside = h < 0;
+                    memcpy(nearest->point, point, sizeof point);
+                    height = fabs(h);
+                }
+            }
+
             continue;
         }
 

@@ -118,32 +118,6 @@ static void couple_add_spring(const struct axis_couple *c, double s, double leng
     sum->depth = depth > sum->depth ? depth : sum->depth;
 }
 
-/* Adds the springs of the own axis from low to high in pieces: the slope of the distance has a
- * kink where the nearest point reaches an end of the other axis. */
-static void couple_add_pieces(const struct axis_couple *c, double low, double high,
-                              const struct native_law *law, struct native_batch *b,
-                              struct native_sum *sum)
-{
-    double cosine = vec3_dot(c->direction, c->other), foot = vec3_dot(c->between, c->other);
-    double cut[PIECES + 1] = {low, low, high, high};
-
-    /* Kinks in ascending order */
-    for (int side = 0; side < 2 && fabs(cosine) > FOOT_STANDS; side++) {
-        double end = (side == 0) == (cosine > 0) ? -c->other_half : c->other_half;
-        double kink = (end - foot) / cosine;
-
-        cut[1 + side] = kink < low ? low : kink > high ? high : kink;
-    }
-    for (int piece = 0; piece < PIECES; piece++) {
-        double from = cut[piece], length = cut[piece + 1] - from;
-
-        for (int i = 0; i < PIECE_POINTS && length > 0; i++) {
-            couple_add_spring(c, from + piece_point[i] * length, piece_weight[i] * length, 0,
-                              law->stiffness, law->share[0], b, sum);
-        }
-    }
-}
-
 /* Adds the springs of one axis and its ends. */
 static void couple_add_axis(struct axis_couple *c, const struct native_law *law,
                             struct native_batch *b, struct native_sum *sum)
@@ -177,7 +151,28 @@ static void couple_add_axis(struct axis_couple *c, const struct native_law *law,
         couple_add_spring(c, 0, 0, 2, law->stiffness, law->share[0], b, sum);
         return;
     }
-    couple_add_pieces(c, low, high, law, b, sum);
+
+    /* Add the springs of the own axis from low to high in pieces: the slope of the distance has a
+     * kink where the nearest point reaches an end of the other axis */
+    double cosine = vec3_dot(c->direction, c->other), foot = vec3_dot(c->between, c->other);
+    double cut[PIECES + 1] = {low, low, high, high};
+
+    /* Kinks in ascending order */
+    for (int side = 0; side < 2 && fabs(cosine) > FOOT_STANDS; side++) {
+        double end = (side == 0) == (cosine > 0) ? -c->other_half : c->other_half;
+        double kink = (end - foot) / cosine;
+
+        cut[1 + side] = kink < low ? low : kink > high ? high : kink;
+    }
+    for (int piece = 0; piece < PIECES; piece++) {
+        double from = cut[piece], length = cut[piece + 1] - from;
+
+        for (int i = 0; i < PIECE_POINTS && length > 0; i++) {
+            couple_add_spring(c, from + piece_point[i] * length, piece_weight[i] * length, 0,
+                              law->stiffness, law->share[0], b, sum);
+        }
+    }
+
     for (int end = -1; end <= 1; end += 2) {
         couple_add_spring(c, end * c->half, 0, 1, law->stiffness, law->share[0], b, sum);
     }
@@ -303,36 +298,6 @@ static void capsule_add_end(const struct capsule_over_plane *c, double side, str
     }
 }
 
-/* Adds four springs around the middle of the part below the plane, if this part belongs to one
- * sphere only. So friction brakes a spinning capsule. */
-static void capsule_add_cap(const struct capsule_over_plane *c, struct native_batch *b,
-                            struct native_sum *sum)
-{
-    const double k = c->stiffness * PI, R = c->radius;
-    const double x = R - c->low < 2 * R ? R - c->low : 2 * R; /* penetration depth of the sphere */
-    const double force = k * x * x * (R - x / 3), area = x * (2 * R - x);
-    const double deep = 2 * (x * x * x * (R / 3 - x / 12) / (x * x * (R - x / 3)) + R - c->low - x);
-    const double lever = MEAN_LEVER * sqrt(area);
-    double to[2][3], at;
-
-    /* Four points on the circle of the mean lever */
-    find_direction_across(c->normal, to[0]);
-    vec3_cross(c->normal, to[0], to[1]);
-    at = -c->low - (1 - c->share) * deep;
-    for (int i = 0; i < 4; i++) {
-        for (int j = 0; j < 3; j++) {
-            b->p[j][b->n] =
-                c->half * c->axis[j] + at * c->normal[j] + (i < 2 ? lever : -lever) * to[i % 2][j];
-            b->d[j][b->n] = c->normal[j];
-        }
-        b->force[b->n] = force / 4;
-        b->depth[b->n] = deep;
-        b->rate[b->n] = k * area / 4;
-        b->n++;
-    }
-    sum->area += PI * area;
-}
-
 /* Adds the springs of a capsule that reaches below the plane. */
 static void capsule_add_springs(struct capsule_over_plane *c, struct native_batch *b,
                                 struct native_sum *sum)
@@ -341,7 +306,34 @@ static void capsule_add_springs(struct capsule_over_plane *c, struct native_batc
 
     /* Only the lower end is below the plane */
     if (c->low >= rim || c->half <= 0) {
-        capsule_add_cap(c, b, sum);
+        /* Add four springs around the middle of the part below the plane, if this part belongs to
+         * one sphere only. So friction brakes a spinning capsule. */
+        const double k = c->stiffness * PI, R = c->radius;
+        const double x =
+            R - c->low < 2 * R ? R - c->low : 2 * R; /* penetration depth of the sphere */
+        const double force = k * x * x * (R - x / 3), area = x * (2 * R - x);
+        const double deep =
+            2 * (x * x * x * (R / 3 - x / 12) / (x * x * (R - x / 3)) + R - c->low - x);
+        const double lever = MEAN_LEVER * sqrt(area);
+        double to[2][3], at;
+
+        /* Four points on the circle of the mean lever */
+        find_direction_across(c->normal, to[0]);
+        vec3_cross(c->normal, to[0], to[1]);
+        at = -c->low - (1 - c->share) * deep;
+        for (int i = 0; i < 4; i++) {
+            for (int j = 0; j < 3; j++) {
+                b->p[j][b->n] = c->half * c->axis[j] + at * c->normal[j] +
+                                (i < 2 ? lever : -lever) * to[i % 2][j];
+                b->d[j][b->n] = c->normal[j];
+            }
+            b->force[b->n] = force / 4;
+            b->depth[b->n] = deep;
+            b->rate[b->n] = k * area / 4;
+            b->n++;
+        }
+        sum->area += PI * area;
+
         return;
     }
 

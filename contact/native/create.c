@@ -163,41 +163,6 @@ static const struct contact_ops *native_ops_used(void)
     return &native_ops;
 }
 
-/* Prepares a pair: order of its surfaces, law and kind. */
-static void pair_make(const struct contact_config *config, size_t index,
-                      const struct native_surface *surface, struct native_pair *pair)
-{
-    const enum native_pair_kind meshes =
-        config->mesh_law == CONTACT_PRESSURE_FIELD ? PAIR_FIELDS : PAIR_MESHES;
-    const struct contact_pair *given = &config->pair[index];
-    bool turned = pair_is_turned(config, given, surface);
-    const struct contact_surface *a = &config->surface[turned ? given->b : given->a];
-    const struct contact_surface *b = &config->surface[turned ? given->a : given->b];
-
-    /* Surfaces in the order of the kernels */
-    pair->surface[0] = turned ? given->b : given->a;
-    pair->surface[1] = turned ? given->a : given->b;
-    pair->sign = turned ? 1 : -1;
-    pair->slack = given->slack_m;
-
-    /* Law, with Hertz's shares between surfaces without a mesh */
-    pair->law = law_make(&a->material, &b->material, config->transition_velocity_m_s);
-    pair->kind = pair_find_kind(a->shape, b->shape, meshes);
-    if (pair->kind == PAIR_HERTZ_SPHERES || pair->kind == PAIR_HERTZ_HALF_SPACE) {
-        double share = pair->law.hertz_share;
-
-        pair->law.dissipation = 1.5 * (share * a->material.dissipation_s_per_m +
-                                       (1 - share) * b->material.dissipation_s_per_m);
-    }
-
-    /* Sticking friction: the surface that holds the anchor, and its position along the normal */
-    pair->onto = native_pair_is_one_way(pair) ? -pair->law.share[0]
-                 : pair->kind == PAIR_FIELDS  ? pair->law.share[1]
-                                              : 0;
-    pair->anchored = pair->kind == PAIR_FIELDS || pair->kind == PAIR_MESH_SPHERE;
-    pair->law.shear_root = sqrt(pair_shear_stiffness(a, b, pair, surface));
-}
-
 /* ---- surfaces ---- */
 
 /* Returns whether a surface has a pair with a mesh. */
@@ -471,7 +436,37 @@ enum error_code contact_native_create(const struct contact_config *config, struc
     e->world.ops = native_ops_used();
     native_place_fixed_surfaces(e);
     for (size_t i = 0; i < e->npair; i++) {
-        pair_make(config, i, e->surface, &e->pair[i]);
+        /* Prepare a pair: order of its surfaces, law and kind */
+        struct native_pair *pair = &e->pair[i];
+        const enum native_pair_kind meshes =
+            config->mesh_law == CONTACT_PRESSURE_FIELD ? PAIR_FIELDS : PAIR_MESHES;
+        const struct contact_pair *given = &config->pair[i];
+        bool turned = pair_is_turned(config, given, e->surface);
+        const struct contact_surface *a = &config->surface[turned ? given->b : given->a];
+        const struct contact_surface *b = &config->surface[turned ? given->a : given->b];
+
+        /* Surfaces in the order of the kernels */
+        pair->surface[0] = turned ? given->b : given->a;
+        pair->surface[1] = turned ? given->a : given->b;
+        pair->sign = turned ? 1 : -1;
+        pair->slack = given->slack_m;
+
+        /* Law, with Hertz's shares between surfaces without a mesh */
+        pair->law = law_make(&a->material, &b->material, config->transition_velocity_m_s);
+        pair->kind = pair_find_kind(a->shape, b->shape, meshes);
+        if (pair->kind == PAIR_HERTZ_SPHERES || pair->kind == PAIR_HERTZ_HALF_SPACE) {
+            double share = pair->law.hertz_share;
+
+            pair->law.dissipation = 1.5 * (share * a->material.dissipation_s_per_m +
+                                           (1 - share) * b->material.dissipation_s_per_m);
+        }
+
+        /* Sticking friction: the surface that holds the anchor, and its place on the normal */
+        pair->onto = native_pair_is_one_way(pair) ? -pair->law.share[0]
+                     : pair->kind == PAIR_FIELDS  ? pair->law.share[1]
+                                                  : 0;
+        pair->anchored = pair->kind == PAIR_FIELDS || pair->kind == PAIR_MESH_SPHERE;
+        pair->law.shear_root = sqrt(pair_shear_stiffness(a, b, pair, e->surface));
     }
 
     /* Makes the fields, which need the order of each pair's surfaces, and the working memory for

@@ -138,24 +138,6 @@ static bool foundation_find(const struct foundation_between *m, const struct fou
     return true;
 }
 
-/* Clips the polygon g[0] to the part with depth and to the base; returns the result, g[0] or
- * g[1]. */
-static const struct polygon2d *foundation_clip(const struct solid *solid,
-                                               const struct foundation *bed, struct polygon2d g[2])
-{
-    double side[POLYGON_MAX];
-    bool all = true;
-
-    for (int i = 0; i < g[0].n; i++) {
-        side[i] = foundation_depth(bed, g[0].x[i], g[0].y[i]);
-        all = all && side[i] >= 0;
-    }
-    if (!all) {
-        clip2d_side(&g[0], side, &g[1]);
-    }
-    return clip2d_to_facet(solid, bed->base, g, all ? 0 : 1);
-}
-
 /* ---- springs ---- */
 
 /* Computes a point of the spring through a point in the base's plane. part 0 is at the first
@@ -264,7 +246,20 @@ static void foundation_add_couple(const struct foundation_between *m,
     if (!foundation_find(m, c, &bed, &g[0])) {
         return;
     }
-    common = foundation_clip(bed.on_second ? m->second : m->first, &bed, g);
+
+    /* Clip the polygon to the part with depth and to the base */
+    double side[POLYGON_MAX];
+    bool all = true;
+
+    for (int i = 0; i < g[0].n; i++) {
+        side[i] = foundation_depth(&bed, g[0].x[i], g[0].y[i]);
+        all = all && side[i] >= 0;
+    }
+    if (!all) {
+        clip2d_side(&g[0], side, &g[1]);
+    }
+    common = clip2d_to_facet(bed.on_second ? m->second : m->first, bed.base, g, all ? 0 : 1);
+
     if (common->n < 3) {
         return;
     }
@@ -392,16 +387,21 @@ static const double (*view_facet_ring(const struct foundation_between *m, int i)
     return (const double(*)[3])view->corner + view->ring[i];
 }
 
-/* Finds the facets of the second mesh that face a facet of the first. Each of the two facets must
- * reach behind the plane of the other. Returns their number. reach: longest spring, m. */
-static size_t view_find_facing(const struct native_view *view, size_t n, const struct facet *a,
-                               double reach, int *found)
+/* Adds the springs between one facet of the first mesh and the nsecond facets in the view of the
+ * second. */
+static void meshes_add_facet(const struct foundation_between *m, const struct facet *a,
+                             size_t nsecond)
 {
+    struct native_scratch *scratch = m->pair->scratch;
+    const struct native_view *view = &scratch->view;
+
+    /* Find the facets of the second mesh that face a facet of the first. Each of the two facets
+     * must reach behind the plane of the other. */
     const double *normal = a->normal, *center = a->center;
     const lanes zero = {0};
-    size_t count = 0;
+    size_t n = 0;
 
-    for (size_t at = 0; at < n; at += LANES) {
+    for (size_t at = 0; at < nsecond; at += LANES) {
         lanes bx = lanes_load(view->normal[0] + at), by = lanes_load(view->normal[1] + at),
               bz = lanes_load(view->normal[2] + at);
 
@@ -414,7 +414,7 @@ static size_t view_find_facing(const struct native_view *view, size_t n, const s
         }
 
         /* Bounding circles near each other that both reach behind the other facet's plane */
-        lanes radius = lanes_load(view->radius + at), near = a->radius + radius + reach;
+        lanes radius = lanes_load(view->radius + at), near = a->radius + radius + m->reach;
         lanes x = lanes_load(view->center[0] + at) - center[0],
               y = lanes_load(view->center[1] + at) - center[1],
               z = lanes_load(view->center[2] + at) - center[2];
@@ -423,20 +423,9 @@ static size_t view_find_facing(const struct native_view *view, size_t n, const s
         yes &= lanes_less(zero - a->radius, bx * x + by * y + bz * z);
         yes &= lanes_less(x * x + y * y + z * z, near * near);
         for (uint64_t bits = lanes_bits(yes); bits != 0; bits &= bits - 1) {
-            found[count++] = (int)at + __builtin_ctzll(bits);
+            scratch->list[0][n++] = (int)at + __builtin_ctzll(bits);
         }
     }
-    return count;
-}
-
-/* Adds the springs between one facet of the first mesh and the nsecond facets in the view of the
- * second. */
-static void meshes_add_facet(const struct foundation_between *m, const struct facet *a,
-                             size_t nsecond)
-{
-    struct native_scratch *scratch = m->pair->scratch;
-    const struct native_view *view = &scratch->view;
-    size_t n = view_find_facing(view, nsecond, a, m->reach, scratch->list[0]);
 
     for (size_t k = 0; k < n; k++) {
         int i = scratch->list[0][k];

@@ -46,9 +46,20 @@ struct springs {
     bool lost;
 };
 
-/* Computes the sums that `sum` requests over all springs of the pair. */
-static void springs_add(const struct springs *s, struct native_sum *sum)
+/* Computes the friction of each spring's bristles, up to the spring's limit, and adds it to sum. If
+ * sum is NULL, computes only held, most and open of the patch. */
+static void springs_hold(const struct springs *s, struct sticking_patch *patch,
+                         struct native_sum *sum)
 {
+    struct native_sum unused = {.depth = 0};
+
+    patch->keeps = sum;
+    sum = sum ? sum : &unused;
+    patch->power = patch->held = patch->most = patch->open = 0;
+    sum->gather = NULL;
+    sum->sticking = patch;
+
+    /* Compute the sums that `sum` requests over all springs of the pair */
     struct native_batch *batch = &s->e->scratch->batch;
 
     /* Area and depth are already in the sum */
@@ -64,21 +75,6 @@ static void springs_add(const struct springs *s, struct native_sum *sum)
     batch->start = s->at.from;
     batch->n = s->at.to;
     native_law_sum(batch, &s->pair->law, s->relative, sum);
-}
-
-/* Computes the friction of each spring's bristles, up to the spring's limit, and adds it to sum. If
- * sum is NULL, computes only held, most and open of the patch. */
-static void springs_hold(const struct springs *s, struct sticking_patch *patch,
-                         struct native_sum *sum)
-{
-    struct native_sum unused = {.depth = 0};
-
-    patch->keeps = sum;
-    sum = sum ? sum : &unused;
-    patch->power = patch->held = patch->most = patch->open = 0;
-    sum->gather = NULL;
-    sum->sticking = patch;
-    springs_add(s, sum);
 }
 
 /* ---- the patch ---- */
@@ -169,39 +165,6 @@ static void anchor_leave(const struct springs *s, struct native_anchor *anchor)
         mat3_apply(s->relative->R, axis, anchor->axis);
         vec3_add_scaled(anchor->point, 1, s->relative->p, anchor->point);
     }
-}
-
-/* Sets the anchor of the patch's bristles: the anchor of the given state, dragged into its play
- * about the contact area, or a new anchor if the state has none. Writes the states of this anchor
- * (kept) and of a new anchor (anew). */
-static void patch_place_bristles(const struct springs *s, struct native_anchor touch,
-                                 const double given[CONTACT_BRISTLE], struct sticking_patch *patch,
-                                 double kept[CONTACT_BRISTLE], double anew[CONTACT_BRISTLE])
-{
-    struct native_anchor anchor;
-    double aligned;
-
-    /* Finds the anchor in the frame of the surface that holds it */
-    anchor_enter(s, &touch);
-    native_anchor_write(&touch, anew);
-    memcpy(kept, given, CONTACT_BRISTLE * sizeof *kept);
-    if (!(touch.radius > 0) || !native_anchor_read(given, &anchor)) {
-        anchor = touch;
-        memcpy(kept, anew, CONTACT_BRISTLE * sizeof *kept);
-    } else if (native_anchor_drag(&touch, &anchor)) {
-        native_anchor_write(&anchor, kept);
-    }
-
-    /* Twist axis (n + u)/(1 + n . u) in the first surface's frame. The anchor's axis u and the
-     * normal n are fixed in different surfaces. So the integral of the twist rate depends only on
-     * their relative rotation */
-    anchor_leave(s, &anchor);
-    aligned = 1 / (1 + vec3_dot(anchor.axis, patch->normal));
-    for (int k = 0; k < 3; k++) {
-        patch->center[k] = anchor.point[k];
-        patch->axis[k] = aligned * (anchor.axis[k] + patch->normal[k]);
-    }
-    patch->inverse_radius = anchor.radius > 0 ? 1 / anchor.radius : 0;
 }
 
 /* Computes the sliding velocity of the first body against the second, at the anchor and about the
@@ -316,25 +279,6 @@ static double patch_find_demand(const struct springs *s, const struct sticking_p
     return sqrt(square) / (limit + DBL_MIN);
 }
 
-/* Adds a share of the friction force and moment of bristles e, for the patch as a whole: the force
- * at the anchor's point c, the moment about the twist axis. Returns their power, W. It bends the
- * bristles and is partly lost in their retardation. */
-static double patch_add_whole(const struct sticking_patch *patch, const struct slide *slide,
-                              const double e[BRISTLE_BENT], double share, struct native_sum *sum)
-{
-    const double twist = patch->inverse_radius > 0 ? e[BRISTLE_TWIST] / patch->inverse_radius : 0;
-    double force[3], turn[3];
-
-    for (int k = 0; k < 3; k++) {
-        force[k] = -share * patch->root * e[k];
-    }
-    vec3_cross(patch->center, force, turn);
-    vec3_add_scaled(turn, -share * patch->root * twist, patch->axis, turn);
-    vec3_add_scaled(sum->force, 1, force, sum->force);
-    vec3_add_scaled(sum->moment, 1, turn, sum->moment);
-    return share * patch->root * (vec3_dot(e, slide->velocity) + twist * slide->spin);
-}
-
 /* Computes the friction of the patch's bristles and adds it to sum: for the patch as a whole if the
  * demand is well below the friction limit, else for each spring, with a blend between them. */
 static void patch_add_friction(const struct springs *s, const struct slide *slide,
@@ -352,7 +296,21 @@ static void patch_add_friction(const struct springs *s, const struct slide *slid
                   patch_find_demand(s, patch, slide, patch->bristle));
     patch->whole = 1 - native_ramp(demand, WHOLE_UNTIL, WHOLE_NEVER);
     if (patch->whole > 0) {
-        power = patch_add_whole(patch, slide, e, patch->whole, sum);
+        /* Add a share of the friction force and moment of bristles e, for the patch as a whole: the
+         * force at the anchor's point c, the moment about the twist axis. Their power, W,
+         * bends the bristles and is partly lost in their retardation. */
+        const double twist =
+            patch->inverse_radius > 0 ? e[BRISTLE_TWIST] / patch->inverse_radius : 0;
+        double force[3], turn[3];
+
+        for (int k = 0; k < 3; k++) {
+            force[k] = -patch->whole * patch->root * e[k];
+        }
+        vec3_cross(patch->center, force, turn);
+        vec3_add_scaled(turn, -patch->whole * patch->root * twist, patch->axis, turn);
+        vec3_add_scaled(sum->force, 1, force, sum->force);
+        vec3_add_scaled(sum->moment, 1, turn, sum->moment);
+        power = patch->whole * patch->root * (vec3_dot(e, slide->velocity) + twist * slide->spin);
     }
     patch->sliding = 0;
     if (patch->whole < 1) {
@@ -615,7 +573,35 @@ void friction_sticking_add(struct native_engine *e, size_t index,
     /* Computes patch, anchor and sliding velocity. Transforms the bristles into the first surface's
      * frame and the patch's plane */
     patch_find(&springs, sum, patch, &touch);
-    patch_place_bristles(&springs, touch, given, patch, kept, anew);
+
+    /* Set the anchor of the patch's bristles: the anchor of the given state, dragged into its play
+     * about the contact area, or a new anchor if the state has none. Write the states of this
+     * anchor (kept) and of a new anchor (anew). */
+    struct native_anchor anchor;
+    double aligned;
+
+    /* Finds the anchor in the frame of the surface that holds it */
+    anchor_enter(&springs, &touch);
+    native_anchor_write(&touch, anew);
+    memcpy(kept, given, CONTACT_BRISTLE * sizeof *kept);
+    if (!(touch.radius > 0) || !native_anchor_read(given, &anchor)) {
+        anchor = touch;
+        memcpy(kept, anew, CONTACT_BRISTLE * sizeof *kept);
+    } else if (native_anchor_drag(&touch, &anchor)) {
+        native_anchor_write(&anchor, kept);
+    }
+
+    /* Twist axis (n + u)/(1 + n . u) in the first surface's frame. The anchor's axis u and the
+     * normal n are fixed in different surfaces. So the integral of the twist rate depends only on
+     * their relative rotation */
+    anchor_leave(&springs, &anchor);
+    aligned = 1 / (1 + vec3_dot(anchor.axis, patch->normal));
+    for (int k = 0; k < 3; k++) {
+        patch->center[k] = anchor.point[k];
+        patch->axis[k] = aligned * (anchor.axis[k] + patch->normal[k]);
+    }
+    patch->inverse_radius = anchor.radius > 0 ? 1 / anchor.radius : 0;
+
     slide_find(&springs, patch, &slide);
     bristle_enter(e, pair, given, start);
     memcpy(y, start, sizeof y);

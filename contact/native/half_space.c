@@ -21,27 +21,6 @@ struct polygon {
     double p[POLYGON_MAX][4];
 };
 
-/* Clips a polygon to the part with a depth of at least 0. */
-static void polygon_clip_depth(const struct polygon *in, struct polygon *out)
-{
-    out->n = 0;
-    for (int i = 0; i < in->n && out->n + 2 <= POLYGON_MAX; i++) {
-        const double *a = in->p[i], *b = in->p[i + 1 < in->n ? i + 1 : 0];
-
-        if (a[DEPTH] >= 0) {
-            memcpy(out->p[out->n++], a, sizeof in->p[i]);
-        }
-        if ((a[DEPTH] >= 0) != (b[DEPTH] >= 0)) {
-            double t = a[DEPTH] / (a[DEPTH] - b[DEPTH]);
-
-            for (int k = 0; k < 3; k++) {
-                out->p[out->n][k] = a[k] + t * (b[k] - a[k]);
-            }
-            out->p[out->n++][DEPTH] = 0;
-        }
-    }
-}
-
 /* Returns twice the area of a triangle projected along a normal, m2. */
 static double triangle_twice_area(const double a[3], const double b[3], const double c[3],
                                   const double normal[3])
@@ -200,7 +179,24 @@ static void half_space_add_facet(const struct native_overlap *o, const struct fa
 
     /* If a part is below, adds springs on the clipped part */
     if (shallowest < 0) {
-        polygon_clip_depth(&whole, &cut);
+        /* Clip the polygon to the part with a depth of at least 0 */
+        cut.n = 0;
+        for (int i = 0; i < whole.n && cut.n + 2 <= POLYGON_MAX; i++) {
+            const double *a = whole.p[i], *b = whole.p[i + 1 < whole.n ? i + 1 : 0];
+
+            if (a[DEPTH] >= 0) {
+                memcpy(cut.p[cut.n++], a, sizeof whole.p[i]);
+            }
+            if ((a[DEPTH] >= 0) != (b[DEPTH] >= 0)) {
+                double t = a[DEPTH] / (a[DEPTH] - b[DEPTH]);
+
+                for (int k = 0; k < 3; k++) {
+                    cut.p[cut.n][k] = a[k] + t * (b[k] - a[k]);
+                }
+                cut.p[cut.n++][DEPTH] = 0;
+            }
+        }
+
         sunk = &cut;
     }
     twice = polygon_center(sunk, f->normal, center);

@@ -177,45 +177,6 @@ static void surface_add_wrench(const struct native_engine *e, int surface, const
     vec3_add_scaled(wrench[body].moment, sign, turn, wrench[body].moment);
 }
 
-/* Adds the wrench of a pair in contact to both bodies and appends its patch. */
-static void pair_add_patch(struct native_engine *e, size_t index, const struct native_sum *sum,
-                           const struct body_motion *motion, struct contact_wrench *wrench)
-{
-    const struct native_pair *pair = &e->pair[index];
-    const struct native_pose *a = &e->pose[pair->surface[0]];
-    struct contact_patch *patch = &e->patch[e->npatch++];
-    double center[3] = {0, 0, 0}, force[3], moment[3], about[3], turn[3];
-
-    /* Moment about the center of pressure, near the contact: a moment about a far origin would
-     * lose digits */
-    if (sum->normal > 0) {
-        vec3_add_scaled(center, 1 / sum->normal, sum->lever, center);
-    }
-    vec3_cross(center, sum->force, turn);
-    vec3_sub(sum->moment, turn, about);
-
-    /* From the first surface's frame to the world */
-    mat3_apply(a->R, sum->force, force);
-    mat3_apply(a->R, about, moment);
-    mat3_apply(a->R, center, patch->center);
-    vec3_add_scaled(patch->center, 1, a->p, patch->center);
-
-    /* Adds the wrench to the first body, and its opposite to the second */
-    surface_add_wrench(e, pair->surface[0], force, moment, patch->center, 1, motion, wrench);
-    surface_add_wrench(e, pair->surface[1], force, moment, patch->center, -1, motion, wrench);
-
-    /* The patch reports the wrench on the configured pair's b */
-    patch->pair = (int)index;
-    for (int k = 0; k < 3; k++) {
-        patch->force[k] = pair->sign * force[k];
-        patch->moment[k] = pair->sign * moment[k];
-    }
-    patch->area_m2 = sum->area;
-    patch->penetration_m = sum->depth;
-    patch->potential_j = sum->potential;
-    patch->dissipation_w = sum->power;
-}
-
 /* Evaluates a pair: finds its springs, which are appended to the batch, sums their forces, and
  * adds sticking friction and the patch if there is a penetration. */
 static void pair_evaluate(struct native_engine *e, size_t index, const struct body_motion *motion,
@@ -243,7 +204,40 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
                                   batch->full || sum.closed, bristles, &sum);
             e->springs[e->npatch].to = batch->n; /* may have grown */
         }
-        pair_add_patch(e, index, &sum, motion, wrench);
+
+        /* Add the wrench of a pair in contact to both bodies and append its patch */
+        const struct native_pose *a = &e->pose[pair->surface[0]];
+        struct contact_patch *patch = &e->patch[e->npatch++];
+        double center[3] = {0, 0, 0}, force[3], moment[3], about[3], turn[3];
+
+        /* Moment about the center of pressure, near the contact: a moment about a far origin would
+         * lose digits */
+        if (sum.normal > 0) {
+            vec3_add_scaled(center, 1 / sum.normal, sum.lever, center);
+        }
+        vec3_cross(center, sum.force, turn);
+        vec3_sub(sum.moment, turn, about);
+
+        /* From the first surface's frame to the world */
+        mat3_apply(a->R, sum.force, force);
+        mat3_apply(a->R, about, moment);
+        mat3_apply(a->R, center, patch->center);
+        vec3_add_scaled(patch->center, 1, a->p, patch->center);
+
+        /* Adds the wrench to the first body, and its opposite to the second */
+        surface_add_wrench(e, pair->surface[0], force, moment, patch->center, 1, motion, wrench);
+        surface_add_wrench(e, pair->surface[1], force, moment, patch->center, -1, motion, wrench);
+
+        /* The patch reports the wrench on the configured pair's b */
+        patch->pair = (int)index;
+        for (int k = 0; k < 3; k++) {
+            patch->force[k] = pair->sign * force[k];
+            patch->moment[k] = pair->sign * moment[k];
+        }
+        patch->area_m2 = sum.area;
+        patch->penetration_m = sum.depth;
+        patch->potential_j = sum.potential;
+        patch->dissipation_w = sum.power;
     }
     batch->full |= full;
 }

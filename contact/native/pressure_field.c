@@ -71,31 +71,6 @@ struct visit_group {
 
 /* ---- forces ---- */
 
-/* Adds the elastic force (N) along a unit direction that acts on the carrier, and its moment.
- * lever: sum of the parts of the force times their points of action, N m. */
-static void visit_add_force(const struct visit *v, const double direction[3], double force,
-                            const double lever[3])
-{
-    struct native_sum *sum = v->pair->sum;
-    double d[3], at[3], turn[3];
-
-    if (!v->turned) {
-        vec3_cross(lever, direction, turn);
-        vec3_add_scaled(sum->force, force, direction, sum->force);
-        vec3_add_scaled(sum->moment, 1, turn, sum->moment);
-        return;
-    }
-
-    /* If the carrier is the pair's second surface, adds the opposite force to the first, in the
-     * first's frame */
-    mat3_apply(v->pair->relative->R, direction, d);
-    mat3_apply(v->pair->relative->R, lever, at);
-    vec3_add_scaled(at, force, v->pair->relative->p, at);
-    vec3_cross(at, d, turn);
-    vec3_add_scaled(sum->force, -force, d, sum->force);
-    vec3_add_scaled(sum->moment, -1, turn, sum->moment);
-}
-
 /* Adds springs at count points x, y in a facet's plane. All have one rate (N/m); each is as long as
  * the depth there. There must be room. The point of action is from the visitor's surface toward the
  * carrier's by the visitor's share of the depth. */
@@ -163,41 +138,27 @@ static void visit_add_pressure(const struct visit *v, const struct visit_facet *
     for (int k = 0; k < 3; k++) {
         lever[k] = rate * (mean * f->center[k] + x * f->axis[0][k] + y * f->axis[1][k]);
     }
-    visit_add_force(v, direction, rate * mean, lever);
-}
 
-/* Adds springs on the triangle between a polygon's centroid and an edge, whose ends are u and w
- * relative to the centroid. The triangle is cut into equal triangles no wider than the spacing,
- * with three springs each. */
-static void visit_add_triangle(const struct visit *v, const struct visit_facet *f,
-                               const struct visit_depth *depth, const double center[2],
-                               const double u[2], const double w[2])
-{
-    const double e[2] = {w[0] - u[0], w[1] - u[1]}, uu = u[0] * u[0] + u[1] * u[1];
-    const double ww = w[0] * w[0] + w[1] * w[1], ee = e[0] * e[0] + e[1] * e[1];
-    const double longest = sqrt(ee > uu ? ee > ww ? ee : ww : uu > ww ? uu : ww);
-    const int wanted = (int)(longest / v->spacing) + 1;
-    const int parts = wanted < SPACING_PARTS ? wanted : SPACING_PARTS;
-    const double area = (u[0] * w[1] - u[1] * w[0]) / 2;
-    const double part = 1.0 / parts,
-                 rate = v->pair->law->stiffness * depth->facing * area / 3 * part * part;
-    double x[3 * SPACING_PARTS * SPACING_PARTS], y[3 * SPACING_PARTS * SPACING_PARTS];
-    int n = 0;
+    /* Add the elastic force (N) along the direction that acts on the carrier, and its moment */
+    double force = rate * mean;
+    struct native_sum *sum = v->pair->sum;
+    double d[3], at[3], turn[3];
 
-    /* Quadrature points, row by row of the small triangles */
-    for (int row = 0; row < parts; row++) {
-        for (int at = 0; at < 2 * (parts - row) - 1; at++) {
-            for (int q = 0; q < 3; ++q, ++n) {
-                double s, t;
-
-                triangle_find_point(part, row, at, q, &s, &t);
-                x[n] = center[0] + s * u[0] + t * w[0];
-                y[n] = center[1] + s * u[1] + t * w[1];
-            }
-        }
+    if (!v->turned) {
+        vec3_cross(lever, direction, turn);
+        vec3_add_scaled(sum->force, force, direction, sum->force);
+        vec3_add_scaled(sum->moment, 1, turn, sum->moment);
+        return;
     }
-    native_make_room(v->pair, (size_t)n);
-    visit_add_springs(v, f, depth, rate, x, y, n);
+
+    /* If the carrier is the pair's second surface, add the opposite force to the first, in the
+     * first's frame */
+    mat3_apply(v->pair->relative->R, direction, d);
+    mat3_apply(v->pair->relative->R, lever, at);
+    vec3_add_scaled(at, force, v->pair->relative->p, at);
+    vec3_cross(at, d, turn);
+    vec3_add_scaled(sum->force, -force, d, sum->force);
+    vec3_add_scaled(sum->moment, -1, turn, sum->moment);
 }
 
 /* Adds the moments of a polygon's area and depth to a group, about the group's origin, the
@@ -414,7 +375,34 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
             const double u[2] = {g->x[i] - m.x, g->y[i] - m.y};
             const double w[2] = {g->x[j] - m.x, g->y[j] - m.y};
 
-            visit_add_triangle(v, f, depth, center, u, w);
+            /* Add springs on the triangle between a polygon's centroid and an edge, whose ends are
+             * u and w relative to the centroid. The triangle is cut into equal triangles no wider
+             * than the spacing, with three springs each. */
+            const double e[2] = {w[0] - u[0], w[1] - u[1]}, uu = u[0] * u[0] + u[1] * u[1];
+            const double ww = w[0] * w[0] + w[1] * w[1], ee = e[0] * e[0] + e[1] * e[1];
+            const double longest = sqrt(ee > uu ? ee > ww ? ee : ww : uu > ww ? uu : ww);
+            const int wanted = (int)(longest / v->spacing) + 1;
+            const int parts = wanted < SPACING_PARTS ? wanted : SPACING_PARTS;
+            const double area = (u[0] * w[1] - u[1] * w[0]) / 2;
+            const double part = 1.0 / parts,
+                         rate = v->pair->law->stiffness * depth->facing * area / 3 * part * part;
+            double x[3 * SPACING_PARTS * SPACING_PARTS], y[3 * SPACING_PARTS * SPACING_PARTS];
+            int n = 0;
+
+            /* Quadrature points, row by row of the small triangles */
+            for (int row = 0; row < parts; row++) {
+                for (int at = 0; at < 2 * (parts - row) - 1; at++) {
+                    for (int q = 0; q < 3; ++q, ++n) {
+                        double s, t;
+
+                        triangle_find_point(part, row, at, q, &s, &t);
+                        x[n] = center[0] + s * u[0] + t * w[0];
+                        y[n] = center[1] + s * u[1] + t * w[1];
+                    }
+                }
+            }
+            native_make_room(v->pair, (size_t)n);
+            visit_add_springs(v, f, depth, rate, x, y, n);
         }
         visit_add_pressure(v, f, depth, &m, depth->inward,
                            -v->pair->law->stiffness * depth->facing * m.twice / 2);
