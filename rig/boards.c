@@ -42,11 +42,11 @@ static enum error_code rig_refuse_protocol(struct rig_builder *b, const struct y
 static enum error_code board_check_full_scale(struct rig_builder *b, const struct yaml_mark *mark,
                                               double value)
 {
-    return value == floor(value) ? ERROR_NONE
-                                 : yaml_error(b->error, mark,
-                                              "found full scale %.15g, expected an integer: boards "
-                                              "report it as one",
-                                              value);
+    return value == floor(value)
+               ? ERROR_NONE
+               : yaml_error(b->error, mark,
+                            "found full scale %.15g, expected an integer: boards report it as one",
+                            value);
 }
 
 /* Checks that a board has the keys of its kind and no others. */
@@ -253,10 +253,10 @@ static enum error_code board_place_switches(struct rig_builder *b, const struct 
         if (yaml_has(&raw->mark, "negative_limit_rad") &&
             yaml_has(&raw->mark, "positive_limit_rad") &&
             !(raw->switches.negative_rad < raw->switches.positive_rad)) {
-            return yaml_error(b->error, yaml_place(&raw->mark, "negative_limit_rad"),
-                              "found negative_limit_rad %g, expected it below positive_limit_rad, "
-                              "%g",
-                              raw->switches.negative_rad, raw->switches.positive_rad);
+            return yaml_error(
+                b->error, yaml_place(&raw->mark, "negative_limit_rad"),
+                "found negative_limit_rad %g, expected it below positive_limit_rad, %g",
+                raw->switches.negative_rad, raw->switches.positive_rad);
         }
 
         /* Convert the distance of index pulses to the joint: one pulse per revolution of the
@@ -330,8 +330,8 @@ static enum error_code board_check_axis(struct rig_builder *b, const struct raw_
     }
     return raw->external_torque && joint->sea.Ks <= 0.0
                ? yaml_error(b->error, &name->mark,
-                            "found joint \"%s\" without a spring on a board with "
-                            "external_follows: torque, expected one with a spring, which exerts it",
+                            "found joint \"%s\" without a spring on a board with external_follows: "
+                            "torque, expected one with a spring, which exerts it",
                             name->name)
                : ERROR_NONE;
 }
@@ -382,10 +382,10 @@ static enum error_code board_check_address(struct rig_builder *b, const struct r
                                    offsetof(struct protocol, torque_boards));
     }
     if (raw->board.kind != BOARD_MOTOR && protocol->motors_only) {
-        return yaml_error(b->error, &raw->mark,
-                          "found a board of sensors on a bus with protocol %s, expected motor "
-                          "boards only",
-                          protocol->name);
+        return yaml_error(
+            b->error, &raw->mark,
+            "found a board of sensors on a bus with protocol %s, expected motor boards only",
+            protocol->name);
     }
     if (raw->address > max) {
         return yaml_error(b->error, yaml_place(&raw->mark, "address"),
@@ -465,10 +465,10 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
     /* Check that no other board has the address */
     for (const struct raw_board *other = raw_bus->board; other < raw; other++) {
         if (other->address == raw->address) {
-            return yaml_error(b->error, yaml_place(&raw->mark, "address"),
-                              "found address 0x%02x again on bus \"%s\", expected another (line %d "
-                              "has it)",
-                              (unsigned)raw->address, raw_bus->bus.name, other->mark.line);
+            return yaml_error(
+                b->error, yaml_place(&raw->mark, "address"),
+                "found address 0x%02x again on bus \"%s\", expected another (line %d has it)",
+                (unsigned)raw->address, raw_bus->bus.name, other->mark.line);
         }
     }
 
@@ -522,10 +522,10 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
                               bus->name, other->mark.line);
         }
         if (!strcmp(other->bus.interface, bus->interface)) {
-            return yaml_error(b->error, yaml_place(&raw->mark, "interface"),
-                              "found interface \"%s\" again, expected one of its own (bus \"%s\" "
-                              "has it)",
-                              bus->interface, other->bus.name);
+            return yaml_error(
+                b->error, yaml_place(&raw->mark, "interface"),
+                "found interface \"%s\" again, expected one of its own (bus \"%s\" has it)",
+                bus->interface, other->bus.name);
         }
     }
 
@@ -590,12 +590,11 @@ static enum error_code rig_check_format(struct rig_builder *b, const struct raw_
         const struct described_frame *frame = &protocol->frame[i];
 
         if (frame->period_ns > 0 && frame->period_ns < b->rig->tick_ns) {
-            return yaml_error(
-                b->error, &raw->mark,
-                "found frame %s of protocol %s every %g s on bus \"%s\", expected the "
-                "tick of %g s or more",
-                frame->name, protocol->name, (double)frame->period_ns * 1e-9, raw->bus.name,
-                (double)b->rig->tick_ns * 1e-9);
+            return yaml_error(b->error, &raw->mark,
+                              "found frame %s of protocol %s every %g s on bus \"%s\", expected "
+                              "the tick of %g s or more",
+                              frame->name, protocol->name, (double)frame->period_ns * 1e-9,
+                              raw->bus.name, (double)b->rig->tick_ns * 1e-9);
         }
     }
     return ERROR_NONE;
@@ -774,10 +773,10 @@ enum error_code rig_check_drives(struct rig_builder *b)
             return code;
         }
         if (b->driver[joint]) {
-            return yaml_error(b->error, &raw->undriven[i].mark,
-                              "found joint \"%s\", which a board drives (line %d), expected one "
-                              "without",
-                              raw->undriven[i].name, b->driver[joint]->mark.line);
+            return yaml_error(
+                b->error, &raw->undriven[i].mark,
+                "found joint \"%s\", which a board drives (line %d), expected one without",
+                raw->undriven[i].name, b->driver[joint]->mark.line);
         }
     }
 

@@ -8,24 +8,6 @@
 
 enum { FREE, STATIC };
 
-/* Checks the name of a body. It must be unique among all bodies that can have surfaces. */
-static enum error_code scene_check_body_name(struct rig_builder *b, const struct raw_body *raw)
-{
-    enum error_code code =
-        rig_check_name(b, yaml_place(&raw->mark, "name"), "body", raw->body.name);
-
-    for (size_t i = 0; !code && i < b->nplace; i++) {
-        if (!strcmp(b->place[i].name, raw->body.name)) {
-            code = yaml_error(b->error, yaml_place(&raw->mark, "name"),
-                              "found body \"%s\"%s, expected a name of its own", raw->body.name,
-                              i == 0                 ? ", the name of the static surroundings"
-                              : i <= b->robot->nbody ? ", which the robot has too"
-                                                     : " again");
-        }
-    }
-    return code;
-}
-
 /* Checks that a body has the keys of its kind. A free body needs exactly one form of inertia. */
 static enum error_code scene_check_body_keys(struct rig_builder *b, const struct raw_body *raw)
 {
@@ -63,7 +45,19 @@ static struct rig_place *scene_add_place(struct rig_builder *b, const char *name
 static enum error_code scene_build_body(struct rig_builder *b, const struct raw_body *raw,
                                         struct plant_free_body *free_body)
 {
-    enum error_code code = scene_check_body_name(b, raw);
+    /* Check the name of a body. It must be unique among all bodies that can have surfaces. */
+    enum error_code code =
+        rig_check_name(b, yaml_place(&raw->mark, "name"), "body", raw->body.name);
+
+    for (size_t i = 0; !code && i < b->nplace; i++) {
+        if (!strcmp(b->place[i].name, raw->body.name)) {
+            code = yaml_error(b->error, yaml_place(&raw->mark, "name"),
+                              "found body \"%s\"%s, expected a name of its own", raw->body.name,
+                              i == 0                 ? ", the name of the static surroundings"
+                              : i <= b->robot->nbody ? ", which the robot has too"
+                                                     : " again");
+        }
+    }
 
     code = code ? code : scene_check_body_keys(b, raw);
     if (code) {

@@ -857,30 +857,6 @@ static void described_put_values(struct client_table *t, const struct described_
     }
 }
 
-/* Writes the constants, the checksum and the counter of each message of the DBC that has them. */
-static void described_put_blanks(struct client_table *t, const struct described_axes *axes,
-                                 const struct described_frame *row)
-{
-    uint32_t written = 0;
-
-    for (unsigned slot = 0; slot < axes->count && row->nconstant < row->nfield; slot++) {
-        struct described_letter letter = {.protocol = t->rig->bus[t->bus].described,
-                                          .row = row,
-                                          .model = axes->board[slot]->model,
-                                          .parts = 1,
-                                          .address = axes->board[slot]->address,
-                                          .slot = slot,
-                                          .blank = true};
-
-        letter.number = letter_number(&letter);
-        if ((row->checksum || row->counter >= 0 || row->nconstant > 0) &&
-            !(written >> letter.number & 1)) {
-            written |= UINT32_C(1) << letter.number;
-            described_put_frame(t, &letter);
-        }
-    }
-}
-
 /* Writes the frames that a force-torque board reports. */
 static void described_put_sensor(struct client_table *t, const struct board_config *board)
 {
@@ -938,7 +914,27 @@ static void described_put_bus(struct client_table *t)
     }
     for (size_t i = 0; i < p->nframe; i++) {
         if (p->frame[i].from_host && !p->frame[i].remote && p->frame[i].repeats <= 1) {
-            described_put_blanks(t, &axes, &p->frame[i]);
+            /* Write the constants, the checksum and the counter of each message of the DBC that has
+             * them */
+            const struct described_frame *row = &p->frame[i];
+            uint32_t written = 0;
+
+            for (unsigned slot = 0; slot < axes.count && row->nconstant < row->nfield; slot++) {
+                struct described_letter letter = {.protocol = t->rig->bus[t->bus].described,
+                                                  .row = row,
+                                                  .model = axes.board[slot]->model,
+                                                  .parts = 1,
+                                                  .address = axes.board[slot]->address,
+                                                  .slot = slot,
+                                                  .blank = true};
+
+                letter.number = letter_number(&letter);
+                if ((row->checksum || row->counter >= 0 || row->nconstant > 0) &&
+                    !(written >> letter.number & 1)) {
+                    written |= UINT32_C(1) << letter.number;
+                    described_put_frame(t, &letter);
+                }
+            }
         }
     }
     for (unsigned slot = 0; slot < axes.count; slot++) {

@@ -71,8 +71,7 @@ static bool check_inner(void *context, const struct message *message)
         check->code = yaml_error(
             check->b->error, board_mark(check, y),
             "found %s%s, whose frame %s has the identifier 0x%x that frame %s of %s%s (line %d) "
-            "has "
-            "too, expected other addresses, or identifiers of their own in protocol %s",
+            "has too, expected other addresses, or identifiers of their own in protocol %s",
             y ? "board " : "the axes of the bus", y ? y->name : "", later->name,
             (unsigned)later->id, message->name, x ? "board " : "all axes", x ? x->name : "",
             board_mark(check, x)->line, check->b->bus[check->bus].described->name);

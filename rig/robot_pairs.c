@@ -223,32 +223,6 @@ static size_t scene_pair_with_others(const struct rig_builder *b, const struct c
     return count;
 }
 
-/* Decides about a pair of the robot's own surfaces. The pair becomes a candidate for the test in
- * all poses, or it goes to the pairs without contact. */
-static void scene_sort_own_pair(struct rig_builder *b, int first, int second,
-                                const struct contact_pair *excluded, struct own_pair *own,
-                                size_t *count)
-{
-    const struct raw_robot_surfaces *raw = &b->raw->scene.robot_surfaces;
-    const struct contact_surface *s = &b->rig->contact.surface[first];
-    const struct contact_surface *t = &b->rig->contact.surface[second];
-    const struct robot_joint *joint =
-        bodies_find_joint(b->robot, surface_robot_body(b, first), surface_robot_body(b, second));
-    int by_file = pairs_find(excluded, raw->nexclude, first, second);
-
-    if (by_file >= 0) {
-        rig_leave_pair(b, first, second, RIG_LEFT_BY_FILE, raw->exclude[by_file].reason);
-    } else if (joint) {
-        rig_leave_pair(b, first, second, RIG_LEFT_JOINED, joint->name);
-    } else {
-        bool round[2] = {s->shape == CONTACT_CAPSULE || s->shape == CONTACT_SPHERE,
-                         t->shape == CONTACT_CAPSULE || t->shape == CONTACT_SPHERE};
-
-        own[(*count)++] =
-            (struct own_pair){.pair = {.a = first, .b = second}, .round = round[0] && round[1]};
-    }
-}
-
 /* Finds the robot's own pairs that need the test in all poses. Skips the pairs that the file
  * lists. */
 static size_t scene_find_own_pairs(struct rig_builder *b, const struct contact_pair *given,
@@ -265,7 +239,27 @@ static size_t scene_find_own_pairs(struct rig_builder *b, const struct contact_p
             int other = surface_robot_body(b, second);
 
             if (other >= 0 && other != body && pairs_find(given, ngiven, first, second) < 0) {
-                scene_sort_own_pair(b, first, second, excluded, own, &count);
+                /* Decide about a pair of the robot's own surfaces. The pair becomes a candidate for
+                 * the test in all poses, or it goes to the pairs without contact. */
+                const struct raw_robot_surfaces *raw = &b->raw->scene.robot_surfaces;
+                const struct contact_surface *s = &b->rig->contact.surface[first];
+                const struct contact_surface *t = &b->rig->contact.surface[second];
+                const struct robot_joint *joint = bodies_find_joint(
+                    b->robot, surface_robot_body(b, first), surface_robot_body(b, second));
+                int by_file = pairs_find(excluded, raw->nexclude, first, second);
+
+                if (by_file >= 0) {
+                    rig_leave_pair(b, first, second, RIG_LEFT_BY_FILE,
+                                   raw->exclude[by_file].reason);
+                } else if (joint) {
+                    rig_leave_pair(b, first, second, RIG_LEFT_JOINED, joint->name);
+                } else {
+                    bool round[2] = {s->shape == CONTACT_CAPSULE || s->shape == CONTACT_SPHERE,
+                                     t->shape == CONTACT_CAPSULE || t->shape == CONTACT_SPHERE};
+
+                    own[count++] = (struct own_pair){.pair = {.a = first, .b = second},
+                                                     .round = round[0] && round[1]};
+                }
             }
         }
     }
