@@ -260,42 +260,6 @@ static void estimate_odometry(struct estimator *estimator)
 
 /* ---- center of mass ---- */
 
-/* Updates the observer of the center of mass from the forces' acceleration and the encoders'
- * position (Luenberger observer, critically damped). l: its double pole, 1/s. */
-static void estimate_center_of_mass(struct estimator *estimator, double l, double dt_s)
-{
-    const struct body_model *model = estimator->model;
-    struct estimate *now = &estimator->now;
-    const double rate = estimator->config.lean_per_s * l * l / model->gravity_m_s2;
-    const double most = LEAN_MAX_RAD;
-    double com[3], seen[3], apart[3], *lean = estimator->lean;
-
-    body_center_of_mass(model, estimator->pose, com);
-    mat3_apply(now->R, com, seen);
-    vec3_add_scaled(seen, 1, now->pelvis_m, seen);
-    if (!estimator->located) {
-        memcpy(now->com_m, seen, sizeof seen);
-        estimator->located = true;
-    }
-    for (int k = 0; k < 3; k++) {
-        double force = now->foot[0].force_n[k] + now->foot[1].force_n[k];
-        double acceleration = force / model->mass_kg - (k == 2 ? model->gravity_m_s2 : 0);
-
-        apart[k] = seen[k] - now->com_m[k];
-        now->com_m[k] += (now->com_m_s[k] + 2 * l * apart[k]) * dt_s;
-        now->com_m_s[k] += (acceleration + l * l * apart[k]) * dt_s;
-    }
-    /* Estimate the tilt of the board. In a frame tilted by e about y, the forces seem to accelerate
-     * the center of mass by g e along x, but the encoders measure no motion. The observer's error
-     * settles at -g e / l^2. For a tilt about x, the sign is opposite. The correction of the
-     * attitude also moves the center of mass above the standing foot, which closes a feedback loop.
-     * COMAN's loop is stable up to a lean_per_s of about 1.3 */
-    if (isfinite(apart[0] + apart[1])) {
-        lean[0] = fmax(-most, fmin(most, lean[0] + rate * apart[1] * dt_s));
-        lean[1] = fmax(-most, fmin(most, lean[1] - rate * apart[0] * dt_s));
-    }
-}
-
 /* ---- complete estimate ---- */
 
 /* Computes the poses of all links from the encoders, then the state of both feet. */
@@ -351,7 +315,39 @@ void estimator_update(struct estimator *estimator, bool walks, double speed_m_s,
     estimate_attitude(estimator, dt_s);
     estimate_place(estimator);
     estimate_odometry(estimator);
-    estimate_center_of_mass(estimator, l, dt_s);
+
+    /* Update the observer of the center of mass from the forces' acceleration and the encoders'
+     * position (Luenberger observer, critically damped). l: its double pole, 1/s. */
+    const struct body_model *model = estimator->model;
+    struct estimate *now = &estimator->now;
+    const double rate = estimator->config.lean_per_s * l * l / model->gravity_m_s2;
+    const double most = LEAN_MAX_RAD;
+    double com[3], seen[3], apart[3], *lean = estimator->lean;
+
+    body_center_of_mass(model, estimator->pose, com);
+    mat3_apply(now->R, com, seen);
+    vec3_add_scaled(seen, 1, now->pelvis_m, seen);
+    if (!estimator->located) {
+        memcpy(now->com_m, seen, sizeof seen);
+        estimator->located = true;
+    }
+    for (int k = 0; k < 3; k++) {
+        double force = now->foot[0].force_n[k] + now->foot[1].force_n[k];
+        double acceleration = force / model->mass_kg - (k == 2 ? model->gravity_m_s2 : 0);
+
+        apart[k] = seen[k] - now->com_m[k];
+        now->com_m[k] += (now->com_m_s[k] + 2 * l * apart[k]) * dt_s;
+        now->com_m_s[k] += (acceleration + l * l * apart[k]) * dt_s;
+    }
+    /* Estimate the tilt of the board. In a frame tilted by e about y, the forces seem to accelerate
+     * the center of mass by g e along x, but the encoders measure no motion. The observer's error
+     * settles at -g e / l^2. For a tilt about x, the sign is opposite. The correction of the
+     * attitude also moves the center of mass above the standing foot, which closes a feedback loop.
+     * COMAN's loop is stable up to a lean_per_s of about 1.3 */
+    if (isfinite(apart[0] + apart[1])) {
+        lean[0] = fmax(-most, fmin(most, lean[0] + rate * apart[1] * dt_s));
+        lean[1] = fmax(-most, fmin(most, lean[1] - rate * apart[0] * dt_s));
+    }
 
     /* Computes the zero-moment point of both feet: the mean of the centers of pressure, weighted
      * by the loads. Keeps the last point while no foot carries load. */

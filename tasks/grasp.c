@@ -60,11 +60,10 @@ static enum error_code grasp_find_arm(struct task *task, int side, struct error 
             double angle = config->phase[i].arm_rad[k] * (side == LEFT ? mirrored[k] : 1);
 
             if (angle < axis->lower_rad || angle > axis->upper_rad) {
-                return error_set(error, ERROR_INPUT,
-                                 "grasp: phase %s needs joint %s at %.3f rad, its limits are %.3f "
-                                 "to %.3f rad",
-                                 config->phase[i].name, axis->joint, angle, axis->lower_rad,
-                                 axis->upper_rad);
+                return error_set(
+                    error, ERROR_INPUT,
+                    "grasp: phase %s needs joint %s at %.3f rad, its limits are %.3f to %.3f rad",
+                    config->phase[i].name, axis->joint, angle, axis->lower_rad, axis->upper_rad);
             }
         }
     }
@@ -225,26 +224,6 @@ static void grasp_describe(struct task *task, const char *doing)
              grasp_carried_force(task));
 }
 
-/* Returns the final verdict, after a grip without loss: the wrists must carry the object. */
-static enum task_status grasp_judge_lift(struct task *task)
-{
-    const struct grasp *grasp = task->state;
-    double least = task->config.grasp.least_carry_n;
-    double mean =
-        grasp->carried_count ? grasp->carried_sum / (double)grasp->carried_count : HUGE_VAL;
-
-    if (least > 0 && !(mean >= least)) {
-        snprintf(task->message, sizeof task->message,
-                 "not lifted: the wrists carry %.1f N, expected %.1f N at least", mean, least);
-        return TASK_FAILED;
-    }
-    grasp_describe(task, "held to the end");
-    snprintf(task->message + strlen(task->message), sizeof task->message - strlen(task->message),
-             "; pressed with %.1f N at least, worst motor error %.1f mrad", grasp->least_n,
-             1e3 * grasp->worst_error_rad);
-    return TASK_DONE;
-}
-
 /* Runs one period: settle and weigh, move along the path, hold, judge. */
 static enum task_status grasp_step(struct task *task, double t)
 {
@@ -292,7 +271,22 @@ static enum task_status grasp_step(struct task *task, double t)
         }
         return TASK_RUNNING;
     }
-    return grasp_judge_lift(task);
+
+    /* The final verdict, after a grip without loss: the wrists must carry the object */
+    double least = task->config.grasp.least_carry_n;
+    double mean =
+        grasp->carried_count ? grasp->carried_sum / (double)grasp->carried_count : HUGE_VAL;
+
+    if (least > 0 && !(mean >= least)) {
+        snprintf(task->message, sizeof task->message,
+                 "not lifted: the wrists carry %.1f N, expected %.1f N at least", mean, least);
+        return TASK_FAILED;
+    }
+    grasp_describe(task, "held to the end");
+    snprintf(task->message + strlen(task->message), sizeof task->message - strlen(task->message),
+             "; pressed with %.1f N at least, worst motor error %.1f mrad", grasp->least_n,
+             1e3 * grasp->worst_error_rad);
+    return TASK_DONE;
 }
 
 const struct task_ops task_grasp = {

@@ -242,39 +242,6 @@ struct setting {
     uint32_t value;
 };
 
-/* Finds write number `step` of the setup of a PDO. CiA 301 requires this order: disable,
- * parameters, zero objects, each object, number of objects, enable. Returns the number of
- * writes. */
-static unsigned host_cia402_plan_pdo(const struct cia402_plan *plan, unsigned id, unsigned type,
-                                     unsigned step, struct setting *setting)
-{
-    unsigned parameter =
-        (plan->receive ? CIA402_O_RPDO_PARAMETER : CIA402_O_TPDO_PARAMETER) + plan->number;
-    unsigned mapping =
-        (plan->receive ? CIA402_O_RPDO_MAPPING : CIA402_O_TPDO_MAPPING) + plan->number;
-    uint32_t cob_id = plan->cob_id + id;
-    const struct setting before[] = {{parameter, 1, 4, cob_id | CIA402_COB_INVALID},
-                                     {parameter, 2, 1, type},
-                                     {parameter, 5, 2, plan->event_ms},
-                                     {mapping, 0, 1, 0}};
-    const struct setting after[] = {{mapping, 0, 1, plan->count}, {parameter, 1, 4, cob_id}};
-    const unsigned first = sizeof before / sizeof *before, objects = first + plan->count;
-
-    if (step < first) {
-        *setting = before[step];
-    } else if (step < objects) {
-        *setting = (struct setting){mapping, step - first + 1, 4, plan->object[step - first]};
-    } else if (step < objects + 2) {
-        *setting = after[step - objects];
-    }
-
-    /* The host uses no event timer for RPDOs */
-    if (plan->receive && step == 2) {
-        *setting = before[1];
-    }
-    return objects + 2;
-}
-
 /* Finds write `number` to a node: its PDOs, the modes of its axes, its heartbeat, in this order.
  * Returns false if there are no more writes. */
 static bool host_cia402_find_setting(const struct host *host, const struct host_node *node,
@@ -293,7 +260,35 @@ static bool host_cia402_find_setting(const struct host *host, const struct host_
         unsigned type = plan.type > SYNCS_MAX || syncs < 1 ? plan.type
                         : syncs > SYNCS_MAX                ? SYNCS_MAX
                                                            : (unsigned)syncs;
-        unsigned count = host_cia402_plan_pdo(&plan, id, type, number, setting);
+
+        /* Find write number `step` of the setup of a PDO. CiA 301 requires this order: disable,
+         * parameters, zero objects, each object, number of objects, enable. */
+        unsigned parameter =
+            (plan.receive ? CIA402_O_RPDO_PARAMETER : CIA402_O_TPDO_PARAMETER) + plan.number;
+        unsigned mapping =
+            (plan.receive ? CIA402_O_RPDO_MAPPING : CIA402_O_TPDO_MAPPING) + plan.number;
+        uint32_t cob_id = plan.cob_id + id;
+        const struct setting before[] = {{parameter, 1, 4, cob_id | CIA402_COB_INVALID},
+                                         {parameter, 2, 1, type},
+                                         {parameter, 5, 2, plan.event_ms},
+                                         {mapping, 0, 1, 0}};
+        const struct setting after[] = {{mapping, 0, 1, plan.count}, {parameter, 1, 4, cob_id}};
+        const unsigned first = sizeof before / sizeof *before, objects = first + plan.count;
+
+        if (number < first) {
+            *setting = before[number];
+        } else if (number < objects) {
+            *setting =
+                (struct setting){mapping, number - first + 1, 4, plan.object[number - first]};
+        } else if (number < objects + 2) {
+            *setting = after[number - objects];
+        }
+
+        /* The host uses no event timer for RPDOs */
+        if (plan.receive && number == 2) {
+            *setting = before[1];
+        }
+        unsigned count = objects + 2;
 
         if (number < count) {
             return true;

@@ -572,26 +572,6 @@ static void described_read_motor_field(struct host *host, const struct described
     }
 }
 
-/* Stores one field of an inertial board's frame. */
-static void described_read_motion(struct host *host, const struct described_field *of,
-                                  int64_t count)
-{
-    struct host_motion *motion = &host->motion;
-    const unsigned channel = of->meaning - DESCRIBED_ACCELERATION;
-    const double value = described_value(of, count);
-
-    if (channel < 3) {
-        motion->acceleration_m_s2[channel] = value;
-        motion->acceleration_time_ns = host->now_ns;
-    } else if (channel < 6) {
-        motion->rate_rad_s[channel - 3] = value;
-        motion->rate_time_ns = host->now_ns;
-    } else if (channel < 10) {
-        motion->quaternion[channel - 6] = value;
-        motion->quaternion_time_ns = host->now_ns;
-    }
-}
-
 /* Reads a received frame (struct host_ops). */
 static void host_described_read(struct host *host, size_t bus, const struct bus_frame *frame)
 {
@@ -636,7 +616,21 @@ static void host_described_read(struct host *host, size_t bus, const struct bus_
                     *(channel < 3 ? &force->force_time_ns : &force->torque_time_ns) = host->now_ns;
                 }
             } else {
-                described_read_motion(host, field, count);
+                /* Store one field of an inertial board's frame */
+                struct host_motion *motion = &host->motion;
+                const unsigned channel = field->meaning - DESCRIBED_ACCELERATION;
+                const double value = described_value(field, count);
+
+                if (channel < 3) {
+                    motion->acceleration_m_s2[channel] = value;
+                    motion->acceleration_time_ns = host->now_ns;
+                } else if (channel < 6) {
+                    motion->rate_rad_s[channel - 3] = value;
+                    motion->rate_time_ns = host->now_ns;
+                } else if (channel < 10) {
+                    motion->quaternion[channel - 6] = value;
+                    motion->quaternion_time_ns = host->now_ns;
+                }
             }
         }
         news.part++;

@@ -449,9 +449,8 @@ const struct host_ops host_icub = {
     .read = host_icub_read_frame,
     .set_motor = host_icub_set_motor,
     .set_voltage = host_icub_set_voltage,
-    .unnamed_fault =
-        "a strict board wants a position PID, and a calibration if the rig requires it, "
-        "which this host does not give",
+    .unnamed_fault = "a strict board wants a position PID, and a calibration if the rig requires "
+                     "it, which this host does not give",
 };
 
 const struct host_ops host_foc = {

@@ -118,11 +118,10 @@ static enum error_code squat_find_leg(struct task *task, int side, struct leg *l
         const struct host_axis *axis = &task->config.host.axis[leg->axis[j]];
 
         if (deepest.angle[j] < axis->lower_rad || deepest.angle[j] > axis->upper_rad) {
-            return error_set(error, ERROR_INPUT,
-                             "squat: at depth %g m joint %s needs %.3f rad, its limits are %.3f to "
-                             "%.3f rad",
-                             config->depth_m, axis->joint, deepest.angle[j], axis->lower_rad,
-                             axis->upper_rad);
+            return error_set(
+                error, ERROR_INPUT,
+                "squat: at depth %g m joint %s needs %.3f rad, its limits are %.3f to %.3f rad",
+                config->depth_m, axis->joint, deepest.angle[j], axis->lower_rad, axis->upper_rad);
         }
     }
     return ERROR_NONE;
@@ -248,8 +247,8 @@ static enum task_status squat_step(struct task *task, double t)
     }
 
     snprintf(task->message, sizeof task->message,
-             "%d cycles done, %.1f mm deep, worst motor error %.1f mrad, feet carry %.1f N "
-             "(%.1f N before)",
+             "%d cycles done, %.1f mm deep, worst motor error %.1f mrad, feet carry %.1f N (%.1f N "
+             "before)",
              config->cycles, 1e3 * squat->deepest_m, 1e3 * squat->worst_error_rad,
              task_feet_force(task), weight);
     return TASK_DONE;

@@ -113,20 +113,18 @@ static enum error_code trajectory_read_rows(struct reader *reader, struct error 
         if (reader->count > 0 && !(row[0] > row[-(ptrdiff_t)csv->ncolumn])) {
             return error_set(
                 error, ERROR_INPUT,
-                "%s:%ld: column 1 (time_s): found %.9g, expected more than %.9g of the "
-                "row before",
+                "%s:%ld: column 1 (time_s): found %.9g, expected more than %.9g of the row before",
                 csv->path, csv->line, row[0], row[-(ptrdiff_t)csv->ncolumn]);
         }
         for (size_t column = 1; column < csv->ncolumn; column++) {
             const struct trajectory_limit *limit = &reader->limit[reader->joint[column]];
 
             if (!(row[column] >= limit->lower_rad && row[column] <= limit->upper_rad)) {
-                return error_set(
-                    error, ERROR_INPUT,
-                    "%s:%ld: column %zu (%s): found %.6g rad, expected %.6g to %.6g rad, "
-                    "the joint's limits",
-                    csv->path, csv->line, column + 1, csv->title[column], row[column],
-                    limit->lower_rad, limit->upper_rad);
+                return error_set(error, ERROR_INPUT,
+                                 "%s:%ld: column %zu (%s): found %.6g rad, expected %.6g to %.6g "
+                                 "rad, the joint's limits",
+                                 csv->path, csv->line, column + 1, csv->title[column], row[column],
+                                 limit->lower_rad, limit->upper_rad);
             }
         }
         reader->count++;
@@ -254,10 +252,10 @@ enum error_code trajectory_read(struct csv *csv, enum trajectory_interpolation i
     reader->nlimit = nlimit;
     code = ERROR_NONE;
     if (strcmp(csv->title[0], "time_s") != 0 || csv->ncolumn < 2) {
-        code = error_set(error, ERROR_INPUT,
-                         "%s:1: found other titles, expected time_s, then JOINT_rad or JOINT_deg "
-                         "for each joint",
-                         csv->path);
+        code = error_set(
+            error, ERROR_INPUT,
+            "%s:1: found other titles, expected time_s, then JOINT_rad or JOINT_deg for each joint",
+            csv->path);
     }
     for (size_t column = 1; column < csv->ncolumn && !code; column++) {
         code = trajectory_find_joint(reader, column, error);
