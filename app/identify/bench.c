@@ -17,41 +17,28 @@
 /* Largest accepted size of a recording, bytes. */
 enum { RECORDING_BYTES_MAX = 1 << 28 };
 
-#define AT(member) offsetof(struct STRUCT, member)
-#define TEXT(word, must, member)                                                                   \
-    {                                                                                              \
-        .key = word, .type = YAML_STRING, .required = must, .offset = AT(member), .min = 1,        \
-        .max = 1000                                                                                \
-    }
-#define REAL(word, must, member, least, most)                                                      \
-    {                                                                                              \
-        .key = word, .type = YAML_REAL, .required = must, .offset = AT(member), .min = least,      \
-        .max = most                                                                                \
-    }
-#define STRUCT bench_columns
 static const struct yaml_field column_fields[] = {
-    TEXT("time", false, time),
-    TEXT("position", false, signal[SIGNAL_POSITION]),
-    TEXT("load_torque", false, signal[SIGNAL_LOAD_TORQUE]),
-    TEXT("deflection", false, signal[SIGNAL_DEFLECTION]),
-    TEXT("motor_position", false, signal[SIGNAL_MOTOR_POSITION]),
-    TEXT("current", false, signal[SIGNAL_CURRENT]),
-    TEXT("temperature", false, signal[SIGNAL_TEMPERATURE]),
-    TEXT("load", false, signal[SIGNAL_LOSS]),
-    TEXT("speed", false, speed),
-    TEXT("supply_current", false, supply_current),
-    TEXT("goal", false, goal),
-    TEXT("voltage", false, voltage),
-    TEXT("enabled", false, enabled),
-    TEXT("supply", false, supply),
-    TEXT("gain", false, gain_word),
-    TEXT("torque", false, torque),
-    TEXT("set_current", false, set_current),
-    {"voltage_before", YAML_BOOL, false, .offset = AT(voltage_before)},
+    YAML_TEXT("time", false, bench_columns, time, 1, 1000),
+    YAML_TEXT("position", false, bench_columns, signal[SIGNAL_POSITION], 1, 1000),
+    YAML_TEXT("load_torque", false, bench_columns, signal[SIGNAL_LOAD_TORQUE], 1, 1000),
+    YAML_TEXT("deflection", false, bench_columns, signal[SIGNAL_DEFLECTION], 1, 1000),
+    YAML_TEXT("motor_position", false, bench_columns, signal[SIGNAL_MOTOR_POSITION], 1, 1000),
+    YAML_TEXT("current", false, bench_columns, signal[SIGNAL_CURRENT], 1, 1000),
+    YAML_TEXT("temperature", false, bench_columns, signal[SIGNAL_TEMPERATURE], 1, 1000),
+    YAML_TEXT("load", false, bench_columns, signal[SIGNAL_LOSS], 1, 1000),
+    YAML_TEXT("speed", false, bench_columns, speed, 1, 1000),
+    YAML_TEXT("supply_current", false, bench_columns, supply_current, 1, 1000),
+    YAML_TEXT("goal", false, bench_columns, goal, 1, 1000),
+    YAML_TEXT("voltage", false, bench_columns, voltage, 1, 1000),
+    YAML_TEXT("enabled", false, bench_columns, enabled, 1, 1000),
+    YAML_TEXT("supply", false, bench_columns, supply, 1, 1000),
+    YAML_TEXT("gain", false, bench_columns, gain_word, 1, 1000),
+    YAML_TEXT("torque", false, bench_columns, torque, 1, 1000),
+    YAML_TEXT("set_current", false, bench_columns, set_current, 1, 1000),
+    {"voltage_before", YAML_BOOL, false, .offset = offsetof(struct bench_columns, voltage_before)},
 };
 static const struct yaml_schema column_schema =
     YAML_SCHEMA("the columns of a recording", struct bench_columns, column_fields);
-#undef STRUCT
 
 const struct signal_kind signal_kinds[SIGNALS] = {
     [SIGNAL_POSITION] = {"position", "rad"},
@@ -63,71 +50,62 @@ const struct signal_kind signal_kinds[SIGNALS] = {
     [SIGNAL_LOSS] = {"loss", "of the losses"},
 };
 
-#define STRUCT bench_sigmas
 static const struct yaml_field sigma_fields[] = {
-    REAL("position", false, signal[SIGNAL_POSITION], DBL_MIN, 1e6),
-    REAL("load_torque", false, signal[SIGNAL_LOAD_TORQUE], DBL_MIN, 1e6),
-    REAL("deflection", false, signal[SIGNAL_DEFLECTION], DBL_MIN, 1e6),
-    REAL("motor_position", false, signal[SIGNAL_MOTOR_POSITION], DBL_MIN, 1e6),
-    REAL("current", false, signal[SIGNAL_CURRENT], DBL_MIN, 1e6),
-    REAL("temperature", false, signal[SIGNAL_TEMPERATURE], DBL_MIN, 1e6),
+    YAML_NUMBER("position", false, bench_sigmas, signal[SIGNAL_POSITION], DBL_MIN, 1e6),
+    YAML_NUMBER("load_torque", false, bench_sigmas, signal[SIGNAL_LOAD_TORQUE], DBL_MIN, 1e6),
+    YAML_NUMBER("deflection", false, bench_sigmas, signal[SIGNAL_DEFLECTION], DBL_MIN, 1e6),
+    YAML_NUMBER("motor_position", false, bench_sigmas, signal[SIGNAL_MOTOR_POSITION], DBL_MIN, 1e6),
+    YAML_NUMBER("current", false, bench_sigmas, signal[SIGNAL_CURRENT], DBL_MIN, 1e6),
+    YAML_NUMBER("temperature", false, bench_sigmas, signal[SIGNAL_TEMPERATURE], DBL_MIN, 1e6),
 };
 static const struct yaml_schema sigma_schema =
     YAML_SCHEMA("the noise of the signals", struct bench_sigmas, sigma_fields);
-#undef STRUCT
 
-#define STRUCT bench_law
 static const struct yaml_field law_fields[] = {
-    REAL("duty_per_rad", false, duty_per_rad, 1e-9, 1e6),
-    REAL("duty_max", false, duty_max, 1e-3, 1.0),
-    REAL("torque_kp", false, torque_kp, 1e-9, 1e6),
-    REAL("torque_period_s", false, torque_period_s, 0.0, 1.0),
-    REAL("torque_delay_s", false, torque_delay_s, 0.0, 0.1),
+    YAML_NUMBER("duty_per_rad", false, bench_law, duty_per_rad, 1e-9, 1e6),
+    YAML_NUMBER("duty_max", false, bench_law, duty_max, 1e-3, 1.0),
+    YAML_NUMBER("torque_kp", false, bench_law, torque_kp, 1e-9, 1e6),
+    YAML_NUMBER("torque_period_s", false, bench_law, torque_period_s, 0.0, 1.0),
+    YAML_NUMBER("torque_delay_s", false, bench_law, torque_delay_s, 0.0, 0.1),
 };
 static const struct bench_law law_defaults = {.duty_max = 1.0};
 static const struct yaml_schema law_schema =
     YAML_SCHEMA("the law of a servo", struct bench_law, law_fields, .defaults = &law_defaults);
-#undef STRUCT
 
-#define STRUCT bench_free
 static const struct yaml_field free_fields[] = {
-    TEXT("key", true, key),
-    TEXT("group", false, group),
-    REAL("start", false, start, -1e9, 1e9),
-    REAL("lower", false, lower, -1e9, 1e9),
-    REAL("upper", false, upper, -1e9, 1e9),
-    REAL("expected", false, expected, -1e9, 1e9),
-    REAL("sigma", false, sigma, -1e9, 1e9),
+    YAML_TEXT("key", true, bench_free, key, 1, 1000),
+    YAML_TEXT("group", false, bench_free, group, 1, 1000),
+    YAML_NUMBER("start", false, bench_free, start, -1e9, 1e9),
+    YAML_NUMBER("lower", false, bench_free, lower, -1e9, 1e9),
+    YAML_NUMBER("upper", false, bench_free, upper, -1e9, 1e9),
+    YAML_NUMBER("expected", false, bench_free, expected, -1e9, 1e9),
+    YAML_NUMBER("sigma", false, bench_free, sigma, -1e9, 1e9),
 };
 static const struct bench_free free_defaults = {.start = NAN, .lower = NAN, .upper = NAN};
 static const struct yaml_schema free_schema = YAML_SCHEMA(
     "a free number", struct bench_free, free_fields, .alone = "key", .defaults = &free_defaults);
-#undef STRUCT
 
-#define STRUCT bench_group_number
 static const struct yaml_field group_number_fields[] = {
-    TEXT("group", true, group),
-    TEXT("key", true, key),
-    REAL("value", true, value, -1e9, 1e9),
+    YAML_TEXT("group", true, bench_group_number, group, 1, 1000),
+    YAML_TEXT("key", true, bench_group_number, key, 1, 1000),
+    YAML_NUMBER("value", true, bench_group_number, value, -1e9, 1e9),
 };
 static const struct yaml_schema group_number_schema = YAML_SCHEMA(
     "a number of a group of recordings", struct bench_group_number, group_number_fields);
-#undef STRUCT
 
 static const struct word zero_words[] = {{"mean", ZERO_MEAN}, {"start", ZERO_START}, {NULL, 0}};
 
-#define STRUCT bench_recording
 static const struct yaml_field recording_fields[] = {
-    TEXT("file", true, file),
-    TEXT("crc32", false, crc32),
-    TEXT("group", false, group),
-    {"zero", YAML_ENUM, false, .offset = AT(zero), .names = zero_words},
-    {"judge", YAML_BOOL, false, .offset = AT(judge)},
+    YAML_TEXT("file", true, bench_recording, file, 1, 1000),
+    YAML_TEXT("crc32", false, bench_recording, crc32, 1, 1000),
+    YAML_TEXT("group", false, bench_recording, group, 1, 1000),
+    {"zero", YAML_ENUM, false, .offset = offsetof(struct bench_recording, zero),
+     .names = zero_words},
+    {"judge", YAML_BOOL, false, .offset = offsetof(struct bench_recording, judge)},
 };
 static const struct bench_recording recording_defaults = {.group = ""};
 static const struct yaml_schema recording_schema = YAML_SCHEMA(
     "a recording", struct bench_recording, recording_fields, .defaults = &recording_defaults);
-#undef STRUCT
 
 const struct word point_words[] = {{"voltage_v", POINT_VOLTAGE},
                                    {"current_a", POINT_CURRENT},
@@ -137,71 +115,63 @@ const struct word point_words[] = {{"voltage_v", POINT_VOLTAGE},
                                    {"loss_w", POINT_LOSS},
                                    {NULL, 0}};
 
-#define STRUCT bench_point
 static const struct yaml_field point_fields[] = {
-    TEXT("what", true, what),
-    REAL("voltage_v", false, known[POINT_VOLTAGE], 0.0, 1e6),
-    REAL("current_a", false, known[POINT_CURRENT], 0.0, 1e6),
-    REAL("motor_nm", false, known[POINT_MOTOR], 0.0, 1e6),
-    REAL("speed_rad_s", false, known[POINT_SPEED], 0.0, 1e6),
-    REAL("load_nm", false, known[POINT_LOAD], 0.0, 1e6),
-    {"backdriven", YAML_BOOL, false, .offset = AT(backdriven)},
-    {"find", YAML_ENUM, true, .offset = AT(find), .names = point_words},
-    REAL("value", true, value, DBL_MIN, 1e6),
+    YAML_TEXT("what", true, bench_point, what, 1, 1000),
+    YAML_NUMBER("voltage_v", false, bench_point, known[POINT_VOLTAGE], 0.0, 1e6),
+    YAML_NUMBER("current_a", false, bench_point, known[POINT_CURRENT], 0.0, 1e6),
+    YAML_NUMBER("motor_nm", false, bench_point, known[POINT_MOTOR], 0.0, 1e6),
+    YAML_NUMBER("speed_rad_s", false, bench_point, known[POINT_SPEED], 0.0, 1e6),
+    YAML_NUMBER("load_nm", false, bench_point, known[POINT_LOAD], 0.0, 1e6),
+    {"backdriven", YAML_BOOL, false, .offset = offsetof(struct bench_point, backdriven)},
+    {"find", YAML_ENUM, true, .offset = offsetof(struct bench_point, find), .names = point_words},
+    YAML_NUMBER("value", true, bench_point, value, DBL_MIN, 1e6),
 };
 static const struct bench_point point_defaults = {.known = {NAN, NAN, NAN, NAN, NAN, NAN}};
 static const struct yaml_schema point_schema =
     YAML_SCHEMA("a point", struct bench_point, point_fields, .defaults = &point_defaults);
-#undef STRUCT
 
-#define STRUCT bench_published
 static const struct yaml_field published_fields[] = {
-    TEXT("what", true, what),
-    REAL("error_rad", false, error_rad, 0.0, 10.0),
-    REAL("error_share", false, error_share, 0.0, 10.0),
+    YAML_TEXT("what", true, bench_published, what, 1, 1000),
+    YAML_NUMBER("error_rad", false, bench_published, error_rad, 0.0, 10.0),
+    YAML_NUMBER("error_share", false, bench_published, error_share, 0.0, 10.0),
 };
 static const struct yaml_schema published_schema =
     YAML_SCHEMA("a published error", struct bench_published, published_fields);
-#undef STRUCT
 
 static const struct word output_words[] = {
     {"free", OUTPUT_FREE}, {"locked", OUTPUT_LOCKED}, {"inertia", OUTPUT_INERTIA}, {NULL, 0}};
 
-#define STRUCT bench
-#define LIST(word, member, entry)                                                                  \
-    {                                                                                              \
-        .key = word, .type = YAML_LIST, .offset = AT(member), .count_offset = AT(n##member),       \
-        .schema = &entry                                                                           \
-    }
 static const struct yaml_field bench_fields[] = {
-    TEXT("name", true, name),
-    TEXT("description", false, description),
-    TEXT("source", true, source),
-    TEXT("license", true, license),
-    TEXT("supports", false, supports),
-    TEXT("obtain", false, obtain),
-    TEXT("rig", false, rig),
-    TEXT("drive", false, drive),
-    {"output", YAML_ENUM, false, .offset = AT(mount.output), .names = output_words},
-    REAL("output_kg_m2", false, mount.inertia_kg_m2, DBL_MIN, 1e6),
-    REAL("lock_nm_rad", false, mount.lock_nm_rad, DBL_MIN, 1e9),
+    YAML_TEXT("name", true, bench, name, 1, 1000),
+    YAML_TEXT("description", false, bench, description, 1, 1000),
+    YAML_TEXT("source", true, bench, source, 1, 1000),
+    YAML_TEXT("license", true, bench, license, 1, 1000),
+    YAML_TEXT("supports", false, bench, supports, 1, 1000),
+    YAML_TEXT("obtain", false, bench, obtain, 1, 1000),
+    YAML_TEXT("rig", false, bench, rig, 1, 1000),
+    YAML_TEXT("drive", false, bench, drive, 1, 1000),
+    {"output", YAML_ENUM, false, .offset = offsetof(struct bench, mount.output),
+     .names = output_words},
+    YAML_NUMBER("output_kg_m2", false, bench, mount.inertia_kg_m2, DBL_MIN, 1e6),
+    YAML_NUMBER("lock_nm_rad", false, bench, mount.lock_nm_rad, DBL_MIN, 1e9),
     YAML_SECTION("columns", false, bench, columns, column_schema),
     YAML_SECTION("sigmas", false, bench, sigmas, sigma_schema),
     YAML_SECTION("law", false, bench, law, law_schema),
-    REAL("robust_rad", false, robust_rad, 0.0, 10.0),
-    REAL("limit_rad", false, limit_rad, 0.0, 10.0),
-    REAL("limit_share", false, limit_share, 0.0, 10.0),
-    REAL("diagram_nm", false, diagram_nm, 0.0, 1e6),
-    {.key = "numbers", .type = YAML_REAL_DICT, .offset = AT(number), .count_offset = AT(nnumber)},
-    LIST("group_numbers", group_number, group_number_schema),
-    LIST("free", free, free_schema),
-    LIST("recordings", recording, recording_schema),
-    LIST("points", point, point_schema),
-    LIST("published", published, published_schema),
+    YAML_NUMBER("robust_rad", false, bench, robust_rad, 0.0, 10.0),
+    YAML_NUMBER("limit_rad", false, bench, limit_rad, 0.0, 10.0),
+    YAML_NUMBER("limit_share", false, bench, limit_share, 0.0, 10.0),
+    YAML_NUMBER("diagram_nm", false, bench, diagram_nm, 0.0, 1e6),
+    {"numbers", YAML_REAL_DICT, false, .offset = offsetof(struct bench, number),
+     .count_offset = offsetof(struct bench, nnumber)},
+    YAML_ENTRIES("group_numbers", YAML_LIST, false, bench, group_number, ngroup_number,
+                 group_number_schema),
+    YAML_ENTRIES("free", YAML_LIST, false, bench, free, nfree, free_schema),
+    YAML_ENTRIES("recordings", YAML_LIST, false, bench, recording, nrecording, recording_schema),
+    YAML_ENTRIES("points", YAML_LIST, false, bench, point, npoint, point_schema),
+    YAML_ENTRIES("published", YAML_LIST, false, bench, published, npublished, published_schema),
 };
 static const struct yaml_schema bench_schema =
     YAML_SCHEMA("a measured bench", struct bench, bench_fields);
-#undef STRUCT
 
 /* Finds a parameter by its key, and checks a value of it. Errors have the place in the file. */
 static enum error_code find_number(const struct yaml_mark *mark, const char *key, double value,
