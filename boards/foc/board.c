@@ -688,8 +688,8 @@ static void foc_board_control(struct board *board, struct ms_span span)
         /* Advance the firmware's I2t law by one millisecond. At the peak current an axis trips
          * after 10.24 s. */
         int64_t current = control_clamp(foc_board_current_ma(foc), INT16_MIN, INT16_MAX);
-        int64_t nominal2 = foc->nominal_ma * foc->nominal_ma;
-        int64_t limit = (foc->peak_ma * foc->peak_ma - nominal2) * 10;
+        int64_t nominal2 = foc->setting[FOC_P_NOMINAL] * foc->setting[FOC_P_NOMINAL];
+        int64_t limit = (foc->setting[FOC_P_PEAK] * foc->setting[FOC_P_PEAK] - nominal2) * 10;
 
         foc->i2t += (current * current - nominal2) / 1024;
         foc->i2t = foc->i2t > 0 ? foc->i2t : 0;
