@@ -12,6 +12,9 @@
 /* Share of a substep by which a delay may miss whole substeps and still count as whole. */
 #define WHOLE_SUBSTEP 1e-9
 
+/* Most that rk4, stable up to 2.78, lets a controller's bandwidth (rad/s) be, times the substep. */
+#define RK4_DECAY 2.0
+
 /* Returns the whole substeps in the delay of a drive's commands. *rest receives the remainder, s.
  * */
 static size_t delay_substeps(const struct plant *plant, size_t d, double *rest)
@@ -67,6 +70,9 @@ void plant_loop_hold(struct plant *plant, size_t d, double supply)
         return;
     }
     loop->bandwidth = law->bandwidth_rad_s > 0.0 ? law->bandwidth_rad_s : 2.0 * M_PI * hz;
+    if (plant->config.integrator == PLANT_RK4) {
+        loop->bandwidth = fmin(loop->bandwidth, RK4_DECAY * 1e9 / (double)plant->config.substep_ns);
+    }
     loop->filter_s = sea->command_filter_s;
     loop->supply = fmax(supply, LEAST_SUPPLY_V);
 
