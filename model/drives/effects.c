@@ -396,18 +396,20 @@ void effects_derivative(const struct robot_sea *sea, const struct effects_state 
     struct gear_state gear = find_gear(sea, state, q, qd);
     struct effects_carried carried = gear_carries(sea, state, &gear);
     const bool bends = sea->effects->presliding > 0.0 && mode->slide == 0;
+    const double limit = effects_friction(sea, qmd, &carried);
+    const double grip = effects_limit_grip(state->grip, limit);
 
     /* Compute the rates of the rotor and of the deflection */
     derivative->sea = (struct sea_state){0};
     if (mode->slide != 0 || bends) {
-        const double friction =
-            bends ? state->grip : mode->slide * effects_friction(sea, qmd, &carried);
+        const double friction = bends ? grip : mode->slide * limit;
 
         derivative->sea.qm = qmd;
         derivative->sea.qmd =
             (rotor_load(sea, state, &gear) - effects_damping(sea, I) * qmd - friction) / sea->J;
     }
-    derivative->grip = bends ? sea->effects->presliding * qmd : 0.0;
+    derivative->grip =
+        bends && (fabs(grip) < limit || grip * qmd < 0.0) ? sea->effects->presliding * qmd : 0.0;
     derivative->hysteresis =
         has_hysteresis(sea)
             ? sea->effects->hysteresis_stiffness *

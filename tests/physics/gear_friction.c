@@ -238,6 +238,30 @@ TEST(presliding_friction_breaks_away_and_slides_as_coulomb)
     }
 }
 
+/* A rotor thrown against a stiff presliding stops as under Coulomb friction, whatever the
+ * integrator: its grip is F at most also within a substep. */
+TEST(stiff_presliding_brakes_with_no_more_than_friction)
+{
+    static const double stiffness[] = {1e3, 1e5, 1e7};
+
+    for (size_t i = 0; i < 6; i++) {
+        const double F = 0.4;
+        struct robot_sea sea = toy_drive(0.0);
+        struct bench b;
+
+        sea.Kw = sea.Dm = sea.Ds = 0.0;
+        bench_begin(
+            &b, sea,
+            (struct robot_effects){.coulomb = F, .breakaway = F, .presliding = stiffness[i / 2]},
+            false, i % 2 ? PLANT_DOPRI5 : PLANT_IMPLICIT, MS / 10);
+        plant_clamp(b.plant, true);
+        b.drive[DRIVE_MOTOR_SPEED] = 0.5;
+        assert_ok(plant_step(b.plant, 1000));
+        assert_near(b.drive[DRIVE_MOTOR_SPEED], 0.5 - 0.1 * F / sea.J, 2e-3);
+        bench_end(&b);
+    }
+}
+
 /* A link that swings with its drive, by the default step and by rk4 in steps of 2 us. */
 static void compare_integrators(struct robot_effects effects)
 {
