@@ -468,7 +468,7 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
 {
     struct identify_bench *bench = &validation->bench;
     double judged[IDENTIFY_RECORDINGS_MAX];
-    bool any = false;
+    bool any = false, diverged = false;
     enum error_code code = identify_open(path, arena, bench, error);
 
     validation->unchecked = 0;
@@ -494,11 +494,15 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
         validation->unchecked += !bench->recording[i].is_checked;
     }
     for (size_t i = 0; i < bench->nrecording; i++) {
-        judged[i] = bench->recording[i].judge || !any ? validation->error[i] : -1.0;
+        const bool counts = bench->recording[i].judge || !any;
+
+        judged[i] = counts ? validation->error[i] : -1.0;
+        diverged |= counts && validation->simulated[i].diverged;
     }
     validation->mean = identify_mean(judged, bench->nrecording);
-    validation->passed = validation->is_share ? validation->mean <= bench->bench.limit_share
-                                              : bench->bench.limit_rad == 0.0 ||
-                                                    validation->mean <= bench->bench.limit_rad;
+    validation->passed =
+        !diverged && (validation->is_share ? validation->mean <= bench->bench.limit_share
+                                           : bench->bench.limit_rad == 0.0 ||
+                                                 validation->mean <= bench->bench.limit_rad);
     return code;
 }

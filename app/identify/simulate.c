@@ -127,8 +127,9 @@ static bool sense_signals(const struct trial_robot *trial, struct plant *plant,
     return true;
 }
 
-/* A host's loop about the torque of the spring: the torques of the last ticks, and its error. */
-enum { TORQUES = 1024 };
+/* A host's loop about the torque of the spring: the torques of the last ticks, which exceed the
+ * longest delay by the shortest tick, and its error. */
+enum { TORQUES = 10002 };
 struct torque_loop {
     double torque[TORQUES], error, taken;
 };

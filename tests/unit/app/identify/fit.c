@@ -7,6 +7,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "app/identify/identify.h"
 #include "base/array.h"
@@ -421,6 +422,30 @@ TEST(losses_of_a_motor_are_told_from_half_of_its_states)
 
         assert_near(result.value[i], ships, 2.0 * result.sigma[i]);
     }
+}
+
+/* A motor that saturates at 1 mA carries none of the loads: without a limit, a bench fails too. */
+TEST(a_bench_fails_if_a_simulation_diverges)
+{
+    static struct validation validation;
+    FILE *file = fopen("identify-diverged.yaml", "w");
+
+    assert_non_null(file);
+    assert_true(
+        fputs(
+            "name: a\nsource: b\nlicense: c\ndrive: identify-config/drives/tmotor-u8-pro.yaml\n"
+            "columns: {load: torque_nm, speed: speed_rad_s, supply: bus_v, supply_current: bus_a}\n"
+            "numbers: {saturation_a: 0.001}\n"
+            "recordings: [{file: identify-config/validation/data/dyno-u8/fit.csv}]\n",
+            file) >= 0);
+    fclose(file);
+    unlink("identify-config");
+    assert_int_equal(symlink(HIL_SOURCE_DIR "/config", "identify-config"), 0);
+    assert_no_error(validation_run("identify-diverged.yaml", &arena, &validation, &error),
+                    error.text);
+    assert_false(validation.passed);
+    unlink("identify-config");
+    remove("identify-diverged.yaml");
 }
 
 /* Writes a recording, which must be refused with that. */
