@@ -250,7 +250,7 @@ static float foc_get_float(const uint8_t *data)
 
 /* Obeys SET_CURRENT_PID, SET_VELOCITY_PID or SET_POSITION_PID: sets one gain from a float, or all
  * gains from integers. Returns false if it refuses the command. */
-static bool foc_board_command_law(struct foc_board *foc, enum foc_pid_loop loop,
+static bool foc_board_command_law(struct foc_board *foc, unsigned loop,
                                   const struct bus_frame *frame, const int64_t *request)
 {
     unsigned which = frame->data[1] + FOC_PID_KP - 1u;
@@ -293,11 +293,9 @@ static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *f
     }
     switch (frame->data[0]) {
     case FOC_SET_CURRENT_PID:
-        return foc_board_command_law(foc, FOC_LOOP_CURRENT, frame, request);
     case FOC_SET_VELOCITY_PID:
-        return foc_board_command_law(foc, FOC_LOOP_VELOCITY, frame, request);
     case ICUB_SET_POSITION_PID:
-        return foc_board_command_law(foc, FOC_LOOP_POSITION, frame, request);
+        return foc_board_command_law(foc, row->parameter / FOC_PID_FIELDS, frame, request);
     case FOC_SET_PID:
         return foc_board_command_pid(foc, frame, request);
     case FOC_SET_CURRENT_LIMIT: /* 8 bytes: nominal, peak and overload; 5 bytes: peak only */

@@ -2,8 +2,9 @@
 /*
  * The rows of protocol foc. The sources of commands 82 to 126 are iCubCanProto_motorControlMessages
  * (robotology/icub-firmware-shared, 2024 to 2026), and for layouts and answers
- * embot_prot_can_motor_polling and embot_app_bldc_theMC2agent (robotology/icub-firmware, 2026). That
- * firmware answers GET_TEMPERATURE_LIMIT with 666 always; these boards answer the limit in force.
+ * embot_prot_can_motor_polling and embot_app_bldc_theMC2agent (robotology/icub-firmware, 2026).
+ * That firmware answers GET_TEMPERATURE_LIMIT with 666 always; these boards answer the limit in
+ * force.
  */
 #include "boards/foc/table.h"
 
@@ -20,12 +21,12 @@
 #define DO_UP_TO(shortest, longest, fields) \
     .kind = ICUB_DO, .request_min = shortest, .request_max = longest, .request = fields
 #define REPLY(length, fields) .reply_length = length, .reply = fields
-#define SET(first, shortest, longest, fields) \
-    .kind = ICUB_SET, .parameter = first, .request_min = shortest, .request_max = longest, \
-    .request = fields
 #define GET(first, length, fields) \
     .kind = ICUB_GET, .parameter = first, .request_min = 1, .request_max = 1, \
     .reply_length = length, .reply = fields
+#define SET_GET(of, message, first, shortest, longest, fields) \
+    [of##_SET_##message] = {"SET_" #message, ICUB_SET, first, shortest, longest, 0, fields, NULL}, \
+    [of##_GET_##message] = {"GET_" #message, GET(first, shortest, fields)}
 
 static const struct field_value loops[] = {
     {FOC_LOOP_CURRENT, "current"}, {FOC_LOOP_VELOCITY, "velocity"},
@@ -74,12 +75,9 @@ const struct icub_command foc_commands[ICUB_MOTOR_COMMANDS] = {
     /* A request of five bytes has only the peak, in bytes 1 and 2 */
     [FOC_SET_CURRENT_LIMIT] = {"SET_CURRENT_LIMIT",
         DO_UP_TO(5, 8, current_limits)},
-    [ICUB_SET_POSITION_PID] = {"SET_POSITION_PID", DO(8, pid)},
+    [ICUB_SET_POSITION_PID] = {"SET_POSITION_PID", DO(8, pid), .parameter = FOC_P_POSITION_PID},
     [ICUB_GET_POSITION_PID] = {"GET_POSITION_PID", GET(FOC_P_POSITION_PID, 8, pid)},
-    [ICUB_SET_POSITION_PID_LIMITS] = {"SET_POSITION_PID_LIMITS",
-        SET(FOC_P_POSITION_LIMITS, 7, 8, pid_limits)},
-    [ICUB_GET_POSITION_PID_LIMITS] = {"GET_POSITION_PID_LIMITS",
-        GET(FOC_P_POSITION_LIMITS, 7, pid_limits)},
+    SET_GET(ICUB, POSITION_PID_LIMITS, FOC_P_POSITION_LIMITS, 7, 8, pid_limits),
     [FOC_GET_FIRMWARE_VERSION] = {"GET_FIRMWARE_VERSION",
         DO(3, FIELDS(U8("major"), U8("minor"))),
         REPLY(8, FIELDS(U8_OF("type", icub_board_names), U8("major"), U8("version"), U8("build"),
@@ -87,23 +85,15 @@ const struct icub_command foc_commands[ICUB_MOTOR_COMMANDS] = {
     /* A request of six bytes sets one gain: byte 1 is 1 for kp, 2 for ki; a float32 follows */
     [FOC_SET_CURRENT_PID] = {"SET_CURRENT_PID", DO_UP_TO(6, 8, pid)},
     [FOC_GET_CURRENT_PID] = {"GET_CURRENT_PID", GET(FOC_P_CURRENT_PID, 8, pid)},
-    [FOC_SET_CURRENT_PID_LIMITS] = {"SET_CURRENT_PID_LIMITS",
-        SET(FOC_P_CURRENT_LIMITS, 7, 8, pid_limits)},
-    [FOC_GET_CURRENT_PID_LIMITS] = {"GET_CURRENT_PID_LIMITS",
-        GET(FOC_P_CURRENT_LIMITS, 7, pid_limits)},
-    [FOC_SET_VELOCITY_PID] = {"SET_VELOCITY_PID", DO_UP_TO(6, 8, pid)},
+    SET_GET(FOC, CURRENT_PID_LIMITS, FOC_P_CURRENT_LIMITS, 7, 8, pid_limits),
+    [FOC_SET_VELOCITY_PID] = {"SET_VELOCITY_PID", DO_UP_TO(6, 8, pid),
+        .parameter = FOC_P_VELOCITY_PID},
     [FOC_GET_VELOCITY_PID] = {"GET_VELOCITY_PID", GET(FOC_P_VELOCITY_PID, 8, pid)},
-    [FOC_SET_VELOCITY_PID_LIMITS] = {"SET_VELOCITY_PID_LIMITS",
-        SET(FOC_P_VELOCITY_LIMITS, 7, 8, pid_limits)},
-    [FOC_GET_VELOCITY_PID_LIMITS] = {"GET_VELOCITY_PID_LIMITS",
-        GET(FOC_P_VELOCITY_LIMITS, 7, pid_limits)},
+    SET_GET(FOC, VELOCITY_PID_LIMITS, FOC_P_VELOCITY_LIMITS, 7, 8, pid_limits),
     [ICUB_SET_I2T] = {"SET_I2T", DO(5, FIELDS(I16("parameter", NULL), I16("threshold", NULL)))},
     [ICUB_SET_OPEN_LOOP] = {"SET_OPEN_LOOP", DO(3, FIELDS(I16("pwm", "pwm")))},
     [FOC_SET_MOTOR_CONFIG] = {"SET_MOTOR_CONFIG", DO_UP_TO(7, 8, motor_config)},
-    [FOC_SET_TEMPERATURE_LIMIT] = {"SET_TEMPERATURE_LIMIT",
-        SET(FOC_P_TEMPERATURE_LIMIT, 3, 3, temperature_limit)},
-    [FOC_GET_TEMPERATURE_LIMIT] = {"GET_TEMPERATURE_LIMIT",
-        GET(FOC_P_TEMPERATURE_LIMIT, 3, temperature_limit)},
+    SET_GET(FOC, TEMPERATURE_LIMIT, FOC_P_TEMPERATURE_LIMIT, 3, 3, temperature_limit),
     [FOC_GET_MOTOR_CONFIG] = {"GET_MOTOR_CONFIG", GET(FOC_P_FLAGS, 8, motor_config)},
     [FOC_GET_CURRENT_LIMIT] = {"GET_CURRENT_LIMIT", GET(FOC_P_NOMINAL, 8, current_limits)},
     [FOC_SET_PID] = {"SET_PID", DO(8, pid_value)},
