@@ -542,6 +542,19 @@ static void moteus_write_error(struct moteus_exchange *x, enum moteus_subframe s
     }
 }
 
+/* Returns the value that a register keeps of a written one. NaN is a full duty, as in the firmware,
+ * and no pin. */
+static double moteus_kept(enum moteus_quantity quantity, double value)
+{
+    if (quantity == MOTEUS_Q_DUTY) {
+        return fmax(fmin(value, 1.0), 0.0);
+    }
+    if (quantity == MOTEUS_Q_PINS) {
+        return isnan(value) ? 0.0 : (int64_t)fmax(fmin(value, INT32_MAX), INT32_MIN) & 0x1f;
+    }
+    return value;
+}
+
 /* Writes a register and returns the result. An error does not end the frame. */
 static enum moteus_reason moteus_write_register(struct moteus_exchange *x, uint32_t number,
                                                 enum moteus_type type, const uint8_t *data)
@@ -589,7 +602,7 @@ static enum moteus_reason moteus_write_register(struct moteus_exchange *x, uint3
         /* restart the path at the present position, as RECAPTURE does */
         moteus->path.position = NAN;
     } else {
-        moteus->value[row->same_as ? row->same_as : number] = value;
+        moteus->value[row->same_as ? row->same_as : number] = moteus_kept(row->quantity, value);
     }
     return MOTEUS_OK;
 }

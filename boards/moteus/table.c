@@ -14,6 +14,15 @@
     {number, 0, name, quantity, MOTEUS_RW, true, initial}
 #define SAME(number, as, name, quantity) {number, as, name, quantity, MOTEUS_RW, false, 0.0}
 #define ACTION(number, name, quantity) {number, 0, name, quantity, MOTEUS_W, false, 0.0}
+#define STORED(number, name, quantity) SAME(number, 0, name, quantity)
+#define NO_SIGNAL(number, name) {number, 0, name, MOTEUS_Q_DUTY, MOTEUS_R, false, (double)NAN}
+#define THREE(row, number, name, quantity) \
+    row(number, name "_1", quantity), row((number) + 1, name "_2", quantity), \
+    row((number) + 2, name "_3", quantity)
+#define FOUR(row, number, name, quantity) \
+    THREE(row, number, name, quantity), row((number) + 3, name "_4", quantity)
+#define FIVE(row, number, name, quantity) \
+    FOUR(row, number, name, quantity), row((number) + 4, name "_5", quantity)
 
 /* Sorted by number. */
 const struct moteus_row moteus_rows[] = {
@@ -75,25 +84,32 @@ const struct moteus_row moteus_rows[] = {
     SHOWN(MOTEUS_R_ENCODER_0_VELOCITY, "encoder_0_velocity", MOTEUS_Q_VELOCITY),
     SHOWN(MOTEUS_R_ENCODER_1_POSITION, "encoder_1_position", MOTEUS_Q_POSITION),
     SHOWN(MOTEUS_R_ENCODER_1_VELOCITY, "encoder_1_velocity", MOTEUS_Q_VELOCITY),
+    SHOWN(MOTEUS_R_ENCODER_2_POSITION, "encoder_2_position", MOTEUS_Q_POSITION),
+    SHOWN(MOTEUS_R_ENCODER_2_VELOCITY, "encoder_2_velocity", MOTEUS_Q_VELOCITY),
     SHOWN(MOTEUS_R_ENCODER_VALIDITY, "encoder_validity", MOTEUS_Q_NUMBER),
+    SAME(MOTEUS_R_AUX1_GPIO_COMMAND, MOTEUS_R_AUX1_GPIO_STATUS, "aux1_gpio_command", MOTEUS_Q_PINS),
+    SAME(MOTEUS_R_AUX2_GPIO_COMMAND, MOTEUS_R_AUX2_GPIO_STATUS, "aux2_gpio_command", MOTEUS_Q_PINS),
+    SHOWN(MOTEUS_R_AUX1_GPIO_STATUS, "aux1_gpio_status", MOTEUS_Q_PINS),
+    SHOWN(MOTEUS_R_AUX2_GPIO_STATUS, "aux2_gpio_status", MOTEUS_Q_PINS),
+    FIVE(SHOWN, MOTEUS_R_AUX1_ANALOG, "aux1_analog_in", MOTEUS_Q_DUTY),
+    FIVE(SHOWN, MOTEUS_R_AUX2_ANALOG, "aux2_analog_in", MOTEUS_Q_DUTY),
     SHOWN(MOTEUS_R_MILLISECONDS, "milliseconds", MOTEUS_Q_COUNTER),
+    STORED(MOTEUS_R_CLOCK_TRIM, "clock_trim", MOTEUS_Q_NUMBER),
+    SHOWN(MOTEUS_R_AUX1_PWM_PERIOD, "aux1_pwm_input_period", MOTEUS_Q_NUMBER),
+    NO_SIGNAL(MOTEUS_R_AUX1_PWM_DUTY, "aux1_pwm_input_duty_cycle"),
+    SHOWN(MOTEUS_R_AUX2_PWM_PERIOD, "aux2_pwm_input_period", MOTEUS_Q_NUMBER),
+    NO_SIGNAL(MOTEUS_R_AUX2_PWM_DUTY, "aux2_pwm_input_duty_cycle"),
+    FIVE(STORED, MOTEUS_R_AUX1_PWM, "aux1_pwm", MOTEUS_Q_DUTY),
+    FIVE(STORED, MOTEUS_R_AUX2_PWM, "aux2_pwm", MOTEUS_Q_DUTY),
     SHOWN(MOTEUS_R_MODEL, "model", MOTEUS_Q_WORD),
     SHOWN(MOTEUS_R_FIRMWARE, "firmware_version", MOTEUS_Q_WORD),
     SHOWN(MOTEUS_R_MAP_VERSION, "register_map_version", MOTEUS_Q_WORD),
-    SHOWN(MOTEUS_R_SERIAL, "serial_1", MOTEUS_Q_WORD),
-    SHOWN(MOTEUS_R_SERIAL + 1, "serial_2", MOTEUS_Q_WORD),
-    SHOWN(MOTEUS_R_SERIAL + 2, "serial_3", MOTEUS_Q_WORD),
+    THREE(SHOWN, MOTEUS_R_SERIAL, "serial", MOTEUS_Q_WORD),
     ACTION(MOTEUS_R_OUTPUT_NEAREST, "set_output_nearest", MOTEUS_Q_POSITION),
     ACTION(MOTEUS_R_OUTPUT_EXACT, "set_output_exact", MOTEUS_Q_POSITION),
     ACTION(MOTEUS_R_RECAPTURE, "recapture", MOTEUS_Q_NUMBER),
-    SHOWN(MOTEUS_R_UUID, "uuid_1", MOTEUS_Q_WORD),
-    SHOWN(MOTEUS_R_UUID + 1, "uuid_2", MOTEUS_Q_WORD),
-    SHOWN(MOTEUS_R_UUID + 2, "uuid_3", MOTEUS_Q_WORD),
-    SHOWN(MOTEUS_R_UUID + 3, "uuid_4", MOTEUS_Q_WORD),
-    ACTION(MOTEUS_R_UUID_MASK, "uuid_mask_1", MOTEUS_Q_NUMBER),
-    ACTION(MOTEUS_R_UUID_MASK + 1, "uuid_mask_2", MOTEUS_Q_NUMBER),
-    ACTION(MOTEUS_R_UUID_MASK + 2, "uuid_mask_3", MOTEUS_Q_NUMBER),
-    ACTION(MOTEUS_R_UUID_MASK + 3, "uuid_mask_4", MOTEUS_Q_NUMBER),
+    FOUR(SHOWN, MOTEUS_R_UUID, "uuid", MOTEUS_Q_WORD),
+    FOUR(ACTION, MOTEUS_R_UUID_MASK, "uuid_mask", MOTEUS_Q_NUMBER),
     SHOWN(MOTEUS_R_UUID_MASK_CAPABLE, "uuid_mask_capable", MOTEUS_Q_NUMBER),
 };
 const size_t moteus_row_count = ARRAY_COUNT(moteus_rows);
@@ -103,6 +119,7 @@ static const struct {
     double int8, int16, int32;
 } quantities[] = {
     [MOTEUS_Q_NUMBER] = {NULL, 1.0, 1.0, 1.0},
+    [MOTEUS_Q_PINS] = {NULL, 1.0, 1.0, 1.0},
     [MOTEUS_Q_WORD] = {NULL, 1.0, 1.0, 1.0},
     [MOTEUS_Q_COUNTER] = {"ms", 1.0, 1.0, 1.0},
     [MOTEUS_Q_POSITION] = {"turn", 0.01, 0.0001, 0.00001},
@@ -114,6 +131,7 @@ static const struct {
     [MOTEUS_Q_TEMPERATURE] = {"degC", 1.0, 0.1, 0.001},
     [MOTEUS_Q_POWER] = {"W", 10.0, 0.05, 0.0001},
     [MOTEUS_Q_SCALE] = {NULL, 1.0 / 127.0, 1.0 / 32767.0, 1.0 / 2147483647.0},
+    [MOTEUS_Q_DUTY] = {NULL, 1.0 / 127.0, 1.0 / 32767.0, 1.0 / 2147483647.0},
     [MOTEUS_Q_TIME] = {"s", 0.01, 0.001, 0.000001},
 };
 

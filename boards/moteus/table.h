@@ -12,6 +12,7 @@
 /* Quantity of a register. It determines the scale of integer values. */
 enum moteus_quantity {
     MOTEUS_Q_NUMBER,  /* dimensionless */
+    MOTEUS_Q_PINS,    /* bits of the five pins of a port */
     MOTEUS_Q_WORD,    /* 32 bits, readable only as int32 */
     MOTEUS_Q_COUNTER, /* wraps around in each integer type */
     MOTEUS_Q_POSITION,
@@ -23,6 +24,7 @@ enum moteus_quantity {
     MOTEUS_Q_TEMPERATURE,
     MOTEUS_Q_POWER,
     MOTEUS_Q_SCALE,
+    MOTEUS_Q_DUTY, /* 0 to 1, in the scale of MOTEUS_Q_SCALE */
     MOTEUS_Q_TIME,
 };
 

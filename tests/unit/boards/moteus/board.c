@@ -162,6 +162,40 @@ TEST_ON(what_does_not_exist_is_an_error_in_the_reply, set_up, bench)
     assert_near(value_of(bench, 0), 0.0, 0.0); /* stopped, as before */
 }
 
+/* What Controller.make_write_gpio, make_read_gpio, make_aux_pwm and make_set_trim send, and replies
+ * by the scales of the firmware. */
+TEST_ON(the_pins_of_the_ports_are_registers, set_up, bench)
+{
+    static const struct {
+        const char *request, *reply;
+    } rows[] = {
+        {"12 5E", "22 5E 00 00"},
+        {"02 5C 05 1F 12 5E", "22 5E 05 1F"}, /* outputs: their command is their status */
+        {"01 5C E2 13 5C 11 5F", "23 5C 02 1F 02 21 5F 1F"}, /* five pins a port */
+        {"0D 5D 00 00 C0 7F 12 5C", "22 5C 02 00"},
+        {"05 5D 01 01 16 5E", "26 5E 02 00 01 00"},
+        {"01 5E 01 01 60 01 01 71 FB 11 71", "30 5E 02 30 60 02 21 71 FB 50 50 50"},
+        {"09 71 03 00 00 00 19 71", "29 71 03 00 00 00"},
+        /* a part of the supply: kept within 0 to 1, in any mode, also over a new command */
+        {"0D 76 00 00 00 3F 1D 76", "2D 76 00 00 00 3F"},
+        {"01 77 40 05 78 00 40 11 77 15 78", "21 77 40 25 78 00 40"},
+        {"0E 7E 00 00 00 40 00 00 80 BF 12 7E", "22 7E 7F 00"},
+        {"0D 7B 00 00 C0 7F 11 7B", "21 7B 7F"},
+        {"01 00 00 11 76 11 77 11 7E", "21 76 3F 21 77 40 21 7E 7F 50 50 50"},
+        /* nothing is connected: analog inputs, PWM inputs, encoder 2 */
+        {"10 05 60", "20 05 60 00 00 00 00 00"},
+        {"10 05 68", "20 05 68 00 00 00 00 00"},
+        {"14 04 72", "24 04 72 00 00 00 80 00 00 00 80 50"},
+        {"12 54 11 56", "22 54 00 00 31 56 01"},
+        {"11 65 11 00", "31 65 01"},
+        {"01 72 01", "30 72 02"},
+    };
+
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        ask(bench, rows[i].request, rows[i].reply);
+    }
+}
+
 TEST_ON(a_reply_goes_to_who_asks_in_the_format_of_the_question, set_up, bench)
 {
     struct bus_frame frame = {.id = 0x8109, .flags = FRAME_EXTENDED, .len = 2, .data = {0x11, 0}};
