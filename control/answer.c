@@ -112,7 +112,7 @@ static bool fault_is_active(const struct simulator_status *now, size_t fault)
 /* Makes the list of active faults. */
 static json_t *status_faults(const struct control *control, const struct simulator_status *now)
 {
-    const struct faults *faults = simulator_faults(control->config.simulator);
+    const struct faults *faults = simulator_parts(control->config.simulator).faults;
     json_t *array = json_array();
 
     for (size_t i = 0; i < faults_count(faults); i++) {
@@ -287,7 +287,7 @@ static json_t *list_checkpoints(const struct control *control)
 const char *control_list_entry(const struct control *control, enum control_list list, size_t index)
 {
     const struct rig *rig = control->rig;
-    const struct faults *faults = simulator_faults(control->config.simulator);
+    const struct faults *faults = simulator_parts(control->config.simulator).faults;
     const struct tunable *tunable = requests_tunable(control->config.requests, index);
     size_t nbody = rig->robot->nbody;
 
@@ -301,8 +301,8 @@ const char *control_list_entry(const struct control *control, enum control_list 
                : index < nbody + rig->nfree ? rig->free[index - nbody].name
                                             : NULL;
     case CONTROL_LIST_SIGNALS:
-        return index < simulator_signals(control->config.simulator)
-                   ? simulator_signal_names(control->config.simulator)[index]
+        return index < simulator_parts(control->config.simulator).nsignal
+                   ? simulator_parts(control->config.simulator).signal[index]
                    : NULL;
     case CONTROL_LIST_COMMANDS:
         return index < CONTROL_COMMANDS ? control_command_name((enum control_command)index) : NULL;
@@ -316,7 +316,7 @@ const char *control_list_entry(const struct control *control, enum control_list 
 json_t *control_list(const struct control *control, const struct control_request *request)
 {
     const enum control_list list = request->list;
-    const struct faults *faults = simulator_faults(control->config.simulator);
+    const struct faults *faults = simulator_parts(control->config.simulator).faults;
     struct simulator_status now = {0};
     json_t *array = list == CONTROL_LIST_CHECKPOINTS ? list_checkpoints(control) : json_array();
     const char *name;

@@ -120,7 +120,7 @@ static enum error_code control_allocate(const struct control_config *config, str
                                         struct control **out, struct error *error)
 {
     struct control *control = arena_alloc(arena, 1, sizeof *control);
-    size_t nsignal = simulator_signals(config->simulator);
+    size_t nsignal = simulator_parts(config->simulator).nsignal;
     char *inbox = arena_alloc(arena, CONTROL_PLACES, CONTROL_LINE);
     char *outbox = arena_alloc(arena, CONTROL_PLACES, CONTROL_OUTBOX);
     uint16_t *signal = arena_alloc(arena, CONTROL_PLACES, (nsignal + 1) * sizeof *signal);

@@ -42,7 +42,7 @@ static void want_rows(struct control *control)
             period = common_divisor(client->subscription.period, period);
         }
     }
-    stream_want(simulator_stream(control->config.simulator), period);
+    stream_want(simulator_parts(control->config.simulator).stream, period);
 }
 
 /* ---- subscribing ---- */
@@ -63,8 +63,8 @@ static bool has_signal(const struct control_subscription *of, size_t signal)
 static enum error_code add_signals(const struct control *control, const char *pattern,
                                    struct control_subscription *to, struct error *error)
 {
-    const char *const *name = simulator_signal_names(control->config.simulator), *nearest;
-    size_t count = simulator_signals(control->config.simulator);
+    const char *const *name = simulator_parts(control->config.simulator).signal, *nearest;
+    size_t count = simulator_parts(control->config.simulator).nsignal;
     bool matched = false;
 
     for (size_t i = 0; i < count; i++) {
@@ -108,7 +108,7 @@ static enum error_code check_period(const struct control *control,
 static json_t *subscription_answer(const struct control *control,
                                    const struct control_subscription *to)
 {
-    const char *const *name = simulator_signal_names(control->config.simulator);
+    const char *const *name = simulator_parts(control->config.simulator).signal;
     json_t *array = json_array();
 
     for (size_t i = 0; i < to->count; i++) {
@@ -233,7 +233,7 @@ static void give_row(struct control *control, struct control_client *client,
 
 bool control_rows(struct control *control)
 {
-    struct stream *stream = simulator_stream(control->config.simulator);
+    struct stream *stream = simulator_parts(control->config.simulator).stream;
     const struct stream_row *row = stream_front(stream);
 
     for (int n = 0; row && n < ROWS_A_TURN; n++) {

@@ -216,21 +216,6 @@ bool simulator_read(const struct simulator *simulator, struct simulator_status *
     return snapshot_read(simulator->published, status) > 0;
 }
 
-size_t simulator_signals(const struct simulator *simulator)
-{
-    return simulator->nsignal;
-}
-
-const char *const *simulator_signal_names(const struct simulator *simulator)
-{
-    return simulator->title;
-}
-
-struct stream *simulator_stream(const struct simulator *simulator)
-{
-    return simulator->stream;
-}
-
 void simulator_watch_interfaces(struct simulator *simulator, int64_t now_ns)
 {
     interfaces_watch(&simulator->interfaces, now_ns);
@@ -252,14 +237,28 @@ struct can_port *simulator_port(const struct simulator *simulator, size_t bus)
     return simulator->ports.port[bus];
 }
 
-struct boards *simulator_boards(const struct simulator *simulator)
+bool simulator_found_energy(const struct simulator *simulator)
 {
-    return simulator->boards;
+    return watch_found_energy(simulator->watch);
 }
 
-struct faults *simulator_faults(const struct simulator *simulator)
+struct simulator_parts simulator_parts(const struct simulator *simulator)
 {
-    return simulator->faults;
+    return (struct simulator_parts){
+        .boards = simulator->boards,
+        .faults = simulator->faults,
+        .measured = simulator->measured,
+        .gateway = simulator->gateway,
+        .failure = simulator->failure,
+        .settled = simulator->config.settle ? &simulator->settled : NULL,
+        .stimulus = simulator->config.stimulus ? &simulator->stimulus : NULL,
+        .dynamics = simulator->dynamics_notice.text,
+        .is_local = simulator->buses.local,
+        .nsignal = simulator->nsignal,
+        .signal = simulator->title,
+        .stream = simulator->stream,
+        .view_stream = simulator->view_stream,
+    };
 }
 
 struct plant *simulator_plant(const struct simulator *simulator)
@@ -267,44 +266,9 @@ struct plant *simulator_plant(const struct simulator *simulator)
     return simulator->plant;
 }
 
-const struct plant_sensors *simulator_measured(const struct simulator *simulator)
-{
-    return simulator->measured;
-}
-
-struct gateway *simulator_gateway(const struct simulator *simulator)
-{
-    return simulator->gateway;
-}
-
 const struct task_runner *simulator_task_runner(const struct simulator *simulator)
 {
     return simulator->task;
-}
-
-const char *simulator_failure(const struct simulator *simulator)
-{
-    return simulator->failure;
-}
-
-bool simulator_found_energy(const struct simulator *simulator)
-{
-    return watch_found_energy(simulator->watch);
-}
-
-const struct settled *simulator_settled(const struct simulator *simulator)
-{
-    return simulator->config.settle ? &simulator->settled : NULL;
-}
-
-const struct stimulus *simulator_stimulus(const struct simulator *simulator)
-{
-    return simulator->config.stimulus ? &simulator->stimulus : NULL;
-}
-
-const char *simulator_dynamics(const struct simulator *simulator)
-{
-    return simulator->dynamics_notice.text;
 }
 
 bool simulator_can_controller_state(const struct simulator *simulator, size_t bus, char *text,
@@ -321,11 +285,6 @@ const struct wire *simulator_wire(const struct simulator *simulator, size_t bus)
 struct requests *simulator_requests(const struct simulator *simulator)
 {
     return simulator->requests;
-}
-
-bool simulator_is_local(const struct simulator *simulator)
-{
-    return simulator->buses.local;
 }
 
 const struct plant_contact_cost *simulator_contact_cost(const struct simulator *simulator)

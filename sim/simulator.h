@@ -88,7 +88,7 @@ struct simulator_status {
     uint64_t overruns_by[PHASE_COUNT], late_ticks, pause_ticks, events_lost;
     struct lockstep_counters lockstep;
     uint64_t clamped;                   /* plant_is_clamped: 0 or 1 */
-    uint64_t fault[FAULTS_MAX / 64];    /* one bit for each active fault of simulator_faults */
+    uint64_t fault[FAULTS_MAX / 64];    /* one bit for each active fault of the rig */
     int64_t time_ns;                    /* virtual time */
     int64_t start_ns;                   /* clock time of the loop's start */
     int64_t elapsed_ns;                 /* clock time since the start */
@@ -164,42 +164,42 @@ void simulator_record_event(struct simulator *simulator, uint64_t key, const cha
 /* Returns the priority of events with this key. */
 enum journal_priority simulator_event_priority(uint64_t key);
 
-/* Return the number of signals, their names, and a stream of their rows for one reader
- * (rt/stream.h). The signals are the columns of signals.csv, then the numbers of frames received
- * and sent on each bus. The stream is NULL without config.requests. */
-size_t simulator_signals(const struct simulator *simulator);
-const char *const *simulator_signal_names(const struct simulator *simulator);
-struct stream *simulator_stream(const struct simulator *simulator);
+/* The parts that a created simulator consists of. They stay the same until simulator_destroy. */
+struct simulator_parts {
+    struct boards *boards; /* read their counters after the run */
+    struct faults *faults; /* switch them (faults_set) in the loop's thread or before the run */
+    /* measured values of the boards; read them in the loop's thread, or after the run */
+    const struct plant_sensors *measured;
+    struct gateway *gateway;         /* NULL = none */
+    const char *failure;             /* valid after LOOP_END_MODEL */
+    const struct settled *settled;   /* result of plant_settle at the start; NULL = none */
+    const struct stimulus *stimulus; /* frames of the recorded controller; NULL = none */
+    const char *dynamics; /* names the implementation of the rigid-body dynamics and its reason */
+    bool is_local;        /* the buses are local */
+    /* The columns of signals.csv, then the numbers of frames received and sent on each bus */
+    size_t nsignal;
+    const char *const *signal; /* names */
+    struct stream *stream;     /* rows for one reader (rt/stream.h); NULL without config.requests */
+    /* Rows of all signals of each tick, for the reader of the views. The ring holds one second at
+     * 1 kHz; rows without room are counted. NULL without guests, or with inline guests only */
+    struct stream *view_stream;
+};
 
-/* Return the parts. While the loop runs, use only functions whose comment allows it. */
+/* Return the parts. While the loop runs, use only parts whose comment allows it. RT-safe. */
+struct simulator_parts simulator_parts(const struct simulator *simulator);
 const struct simulator_config *simulator_configuration(const struct simulator *simulator);
 /* Returns the loop's statistics after the run. During the run, only their histograms may be read,
  * with histogram_copy. */
 const struct loop_stats *simulator_stats(const struct simulator *simulator);
 struct can_port *simulator_port(const struct simulator *simulator, size_t bus);
-/* Returns the boards; read their counters after the run. */
-struct boards *simulator_boards(const struct simulator *simulator);
-/* Returns the faults. Switch them (faults_set) in the loop's thread or before the run. */
-struct faults *simulator_faults(const struct simulator *simulator);
 struct plant *simulator_plant(const struct simulator *simulator); /* after the run */
-/* Returns the measured values of the boards. Call it in the loop's thread, or after the run. */
-const struct plant_sensors *simulator_measured(const struct simulator *simulator);
-struct gateway *simulator_gateway(const struct simulator *simulator); /* NULL = none */
 const struct task_runner *
-simulator_task_runner(const struct simulator *simulator);         /* NULL = none */
-const char *simulator_failure(const struct simulator *simulator); /* valid after LOOP_END_MODEL */
+simulator_task_runner(const struct simulator *simulator); /* NULL = none */
 /* Returns whether energy appeared from nowhere (sim/mechanics_events.h). If so, the results are
  * wrong. */
 bool simulator_found_energy(const struct simulator *simulator);
-/* Returns the result of plant_settle at the start; NULL without config.settle. */
-const struct settled *simulator_settled(const struct simulator *simulator);
-/* Returns the frames of the recorded controller; NULL without config.stimulus. */
-const struct stimulus *simulator_stimulus(const struct simulator *simulator);
-/* Returns a sentence that names the implementation of the rigid-body dynamics and its reason. */
-const char *simulator_dynamics(const struct simulator *simulator);
 /* Returns the queue of requests; NULL without config.requests. */
 struct requests *simulator_requests(const struct simulator *simulator);
-bool simulator_is_local(const struct simulator *simulator);
 /* Writes the present state, settings and counters of a bus's CAN controller as text; returns false
  * if its interface has none. */
 bool simulator_can_controller_state(const struct simulator *simulator, size_t bus, char *text,
@@ -217,7 +217,7 @@ const struct plant_contact_cost *simulator_contact_cost(const struct simulator *
  * board, all at the same time. While views are wanted, the loop publishes one per tick and never
  * waits for the reader. While views are not wanted, each tick costs the loop one load instruction
  * more. If views become wanted while no tick runs (a pause, a silent controller), the last tick's
- * view follows within a tenth of a second. Arrays are in the order of simulator_signal_names and of
+ * view follows within a tenth of a second. Arrays are in the order of simulator_parts.signal and of
  * the rig's boards. SI units.
  */
 struct simulator_view {
@@ -237,11 +237,6 @@ void simulator_want_views(struct simulator *simulator, bool wanted);
 /* Publishes the last tick's view even if views are not wanted. Call it after the loop has ended, in
  * the thread that ran the loop. Not RT-safe: the loop does not call it. */
 void simulator_end_views(struct simulator *simulator);
-
-/* Returns the rows of all signals of each tick (rt/stream.h), for the reader of the views. The ring
- * holds one second at 1 kHz; rows without room are counted. Returns NULL if the simulator was
- * created without guests, or only with inline ones. RT-safe. */
-struct stream *simulator_view_stream(const struct simulator *simulator);
 
 /* Copies the last published view; before the first tick, the view of the initial state. Returns the
  * number of published views. Not RT-safe. */

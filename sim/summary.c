@@ -167,13 +167,14 @@ static void print_rest(const struct summary *summary, FILE *out)
     struct boards_counters b;
     char text[256];
 
-    boards_counters(simulator_boards(summary->simulator), &b);
+    boards_counters(simulator_parts(summary->simulator).boards, &b);
     fprintf(out,
             "boards: %" PRIu64 " frames for them, %" PRIu64 " foreign, %" PRIu64
             " unknown commands, %" PRIu64 " malformed, %" PRIu64 " time-outs, %" PRIu64 " trips\n",
             b.frames, b.foreign, b.unknown, b.malformed, b.timeouts, b.trips);
-    if (boards_last_malformed(simulator_boards(summary->simulator), &malformed)) {
-        board_event_format(simulator_boards(summary->simulator), &malformed, text, sizeof text);
+    if (boards_last_malformed(simulator_parts(summary->simulator).boards, &malformed)) {
+        board_event_format(simulator_parts(summary->simulator).boards, &malformed, text,
+                           sizeof text);
         fprintf(out, "last malformed frame: %s\n", text);
     }
     if (simulator_configuration(summary->simulator)->clock == LOOP_CLOCK_LOCKSTEP) {
@@ -251,7 +252,7 @@ void summary_print(const struct summary *summary, FILE *out)
 
     fprintf(out, "%s (%s clock, %s buses): %s\n", config->rig->name,
             word_of(loop_clock_words, config->clock),
-            simulator_is_local(summary->simulator) ? "local" : "SocketCAN",
+            simulator_parts(summary->simulator).is_local ? "local" : "SocketCAN",
             summary_end_text(summary->end));
     fprintf(out, "  %" PRIu64 " ticks, %.3f s virtual in %.3f s, real-time factor %.3f\n",
             stats->ticks, summary_seconds(stats->time_ns),
@@ -360,7 +361,7 @@ static void json_rest(const struct summary *summary, FILE *out)
     const struct recorder_counters *r = &summary->recorder;
     struct boards_counters b;
 
-    boards_counters(simulator_boards(summary->simulator), &b);
+    boards_counters(simulator_parts(summary->simulator).boards, &b);
     fprintf(out,
             "  \"boards\": {\"frames\": %" PRIu64 ", \"foreign\": %" PRIu64
             ", \"unknown\": %" PRIu64 ", \"malformed\": %" PRIu64 ", \"timeouts\": %" PRIu64
@@ -420,7 +421,7 @@ static void json_write(const struct summary *summary, FILE *out)
             summary_seconds(stats->time_ns), summary_seconds(stats->end_ns - stats->start_ns),
             summary_real_time_factor(stats), state_hash(summary));
     fprintf(out, "  \"dynamics\": ");
-    json_text_put(simulator_dynamics(summary->simulator), out);
+    json_text_put(simulator_parts(summary->simulator).dynamics, out);
     fprintf(out, ",\n");
 
     /* Writes overruns and other counters of the real clock, and the durations of the phases */

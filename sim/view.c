@@ -98,11 +98,6 @@ void simulator_want_views(struct simulator *simulator, bool wanted)
     atomic_store_explicit(&simulator->view_wanted, wanted, memory_order_relaxed);
 }
 
-struct stream *simulator_view_stream(const struct simulator *simulator)
-{
-    return simulator->view_stream;
-}
-
 uint64_t simulator_view_read(const struct simulator *simulator, struct simulator_view *view)
 {
     uint64_t count = snapshot_read(simulator->published_view, view->memory);

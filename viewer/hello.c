@@ -326,7 +326,7 @@ static json_t *hello_all_modes(const struct viewer *viewer)
 static json_t *hello_faults(const struct viewer *viewer)
 {
     const struct faults *faults =
-        viewer->playback ? NULL : simulator_faults(viewer->config.simulator);
+        viewer->playback ? NULL : simulator_parts(viewer->config.simulator).faults;
     json_t *array = json_array();
 
     for (size_t i = 0; faults && i < faults_count(faults); i++) {

@@ -225,7 +225,7 @@ enum {
 enum error_code viewer_create_history(struct viewer *viewer, struct error *error)
 {
     viewer->stream =
-        viewer->config.simulator ? simulator_view_stream(viewer->config.simulator) : NULL;
+        viewer->config.simulator ? simulator_parts(viewer->config.simulator).view_stream : NULL;
     return viewer->stream ? history_create(viewer->nsignal, HISTORY_COLUMNS, &viewer->arena,
                                            &viewer->history, error)
                           : ERROR_NONE;

@@ -263,8 +263,8 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
         viewer->nsignal = config->recording->signals.ncolumn;
     } else {
         viewer->rig = simulator_configuration(config->simulator)->rig;
-        viewer->signal = simulator_signal_names(config->simulator);
-        viewer->nsignal = simulator_signals(config->simulator);
+        viewer->signal = simulator_parts(config->simulator).signal;
+        viewer->nsignal = simulator_parts(config->simulator).nsignal;
     }
     viewer->listener = viewer->event = -1;
     viewer->histogram = arena_alloc(arena, 1, sizeof *viewer->histogram);

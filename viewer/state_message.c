@@ -404,8 +404,9 @@ void viewer_send_states(struct viewer *viewer)
             viewer_measure(viewer);
         }
         if (viewer->playback || size == 0) {
-            size_t nfault =
-                viewer->playback ? 0 : faults_count(simulator_faults(viewer->config.simulator));
+            size_t nfault = viewer->playback
+                                ? 0
+                                : faults_count(simulator_parts(viewer->config.simulator).faults);
             uint8_t *to = viewer->state + STATE_HEADER;
             uint16_t ncontact;
 

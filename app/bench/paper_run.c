@@ -42,7 +42,7 @@ static enum error_code paper_run_to_task_end(struct simulator *simulator,
     run->seconds = 1e-9 * (double)stats->time_ns;
     if (end == LOOP_END_MODEL) {
         return error_set(error, ERROR_UNSUPPORTED, "%s: %s", order->rig,
-                         simulator_failure(simulator));
+                         simulator_parts(simulator).failure);
     }
     task_runner_read(simulator_task_runner(simulator), &status);
     memcpy(run->message, status.message, sizeof run->message);

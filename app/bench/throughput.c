@@ -593,7 +593,7 @@ static enum error_code time_rig(const struct throughput *t, const struct measure
     code = simulator_start(simulator, &report, error);
     if (!code && simulator_run(simulator) == LOOP_END_MODEL) {
         code = error_set(error, ERROR_UNSUPPORTED, "%s: %s", measured->rig,
-                         simulator_failure(simulator));
+                         simulator_parts(simulator).failure);
     }
     simulator_destroy(simulator);
     if (code) {

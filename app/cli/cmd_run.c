@@ -28,7 +28,7 @@ static int run_exit_status(const struct simulator *simulator, enum loop_end end)
     /* Checks failures in order: the model, the deadlines, then the task */
     if (end == LOOP_END_MODEL) {
         fprintf(stderr, "%scoman-hil run: %s\n", journal_prefix(JOURNAL_ERROR),
-                simulator_failure(simulator));
+                simulator_parts(simulator).failure);
         return STATUS_FAILED;
     }
     if (end == LOOP_END_OVERRUNS) {
@@ -233,7 +233,7 @@ static enum error_code write_ready(const struct run_options *options, const char
                                    struct simulator *simulator, const struct control *control,
                                    const struct page *page, struct error *error)
 {
-    const struct gateway *gateway = simulator_gateway(simulator);
+    const struct gateway *gateway = simulator_parts(simulator).gateway;
     const struct ready ready = {
         .clock = word_of(loop_clock_words, (int)simulator_configuration(simulator)->clock),
         .control = control ? control_path(control) : NULL,
@@ -365,7 +365,7 @@ static int run_simulator(struct simulator *simulator, struct control *control, s
 /* Prints the differences of the run from the recorded one. */
 static void print_stimulus(const struct simulator *simulator, bool quiet)
 {
-    const struct stimulus *stimulus = simulator_stimulus(simulator);
+    const struct stimulus *stimulus = simulator_parts(simulator).stimulus;
     int64_t first_ns = INT64_MAX;
     size_t frames = 0;
 
@@ -405,10 +405,10 @@ static void print_start(const struct simulator *simulator, const char *host, con
                         bool quiet)
 {
     if (!quiet) {
-        fprintf(stderr, "dynamics: %s\n", simulator_dynamics(simulator));
+        fprintf(stderr, "dynamics: %s\n", simulator_parts(simulator).dynamics);
 
         /* Print how the robot has settled before the run, if it did */
-        const struct settled *settled = simulator_settled(simulator);
+        const struct settled *settled = simulator_parts(simulator).settled;
         char base[96] = "";
 
         if (settled) {
@@ -424,9 +424,9 @@ static void print_start(const struct simulator *simulator, const char *host, con
     if (notice[0] && !quiet) {
         fprintf(stderr, "%snotice: %s\n", journal_prefix(JOURNAL_NOTICE), notice);
     }
-    if (simulator_gateway(simulator) && gateway_port(simulator_gateway(simulator))) {
+    if (simulator_parts(simulator).gateway && gateway_port(simulator_parts(simulator).gateway)) {
         fprintf(stderr, "gateway: %s port %u\n", host[0] ? host : "127.0.0.1",
-                gateway_port(simulator_gateway(simulator)));
+                gateway_port(simulator_parts(simulator).gateway));
         if (host[0] && !run_options_is_loopback(host)) {
             fprintf(stderr,
                     "%swarning: the gateway has no password: whoever reaches %s can read the buses "

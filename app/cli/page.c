@@ -183,7 +183,7 @@ void page_tell_end(const struct page *page, const struct simulator *simulator, e
                        .failed = end == LOOP_END_MODEL || end == LOOP_END_OVERRUNS ||
                                  task.status == TASK_FAILED,
                        .stays = stays,
-                       .text = end == LOOP_END_MODEL ? simulator_failure(simulator)
+                       .text = end == LOOP_END_MODEL ? simulator_parts(simulator).failure
                                                      : summary_end_text(end),
                        .time_s = (double)simulator_stats(simulator)->time_ns * 1e-9,
                        .task = config->task,

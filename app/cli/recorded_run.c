@@ -40,7 +40,7 @@ enum error_code firmware_write(const struct simulator *simulator, const char *di
         int start, length;
         enum error_code code;
 
-        if (!boards_firmware(simulator_boards(simulator), i, &firmware) || !firmware.image) {
+        if (!boards_firmware(simulator_parts(simulator).boards, i, &firmware) || !firmware.image) {
             continue;
         }
         start = snprintf(path, sizeof path, "%s/firmware-", directory);

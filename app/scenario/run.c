@@ -125,7 +125,7 @@ static void scenario_run_step(void *context, int64_t time_ns)
     }
 
     /* Let the program continue after a DONE, or after a refused STEP, which causes no tick */
-    struct gateway *gateway = simulator_gateway(run->view.simulator);
+    struct gateway *gateway = simulator_parts(run->view.simulator).gateway;
     const uint64_t mismatches = simulator_stats(run->view.simulator)->lockstep.mismatches;
 
     if (gateway) {
@@ -370,7 +370,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     outcome->ran = true;
     outcome->virtual_ns = time_ns;
     outcome->rig_hash = run->view.rig->hash;
-    outcome->seed = faults_seed(simulator_faults(simulator));
+    outcome->seed = faults_seed(simulator_parts(simulator).faults);
     outcome->state_hash = plant_hash(simulator_plant(simulator));
 
     /* A failure of the program or the model makes the verdicts invalid. A failed recording does
@@ -380,7 +380,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
         snprintf(outcome->text, sizeof outcome->text, "%s", run->broken);
     } else if (end == LOOP_END_MODEL) {
         outcome->ran = false;
-        snprintf(outcome->text, sizeof outcome->text, "%.200s", simulator_failure(simulator));
+        snprintf(outcome->text, sizeof outcome->text, "%.200s", simulator_parts(simulator).failure);
     } else if (simulator_found_energy(simulator)) {
         outcome->ran = false;
         snprintf(
@@ -435,9 +435,10 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
 
         /* The gateway must listen before the program starts */
         if (!code && run->scenario->host == SCENARIO_HOST_PROGRAM) {
-            code = scenario_program_start(&run->program, options->program,
-                                          gateway_port(simulator_gateway(run->view.simulator)),
-                                          options->record, options->scratch, &error);
+            code =
+                scenario_program_start(&run->program, options->program,
+                                       gateway_port(simulator_parts(run->view.simulator).gateway),
+                                       options->record, options->scratch, &error);
         }
         if (!code) {
             enum loop_end end = simulator_run(run->view.simulator);

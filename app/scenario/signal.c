@@ -73,7 +73,7 @@ static double signal_read_joint(const struct scenario_view *view, size_t joint, 
 static double signal_read_measured_joint(const struct scenario_view *view, size_t joint,
                                          size_t word)
 {
-    return joint_value(&simulator_measured(view->simulator)->motor[joint], word);
+    return joint_value(&simulator_parts(view->simulator).measured->motor[joint], word);
 }
 
 static double signal_read_ft(const struct scenario_view *view, size_t ft, size_t word)
@@ -83,7 +83,7 @@ static double signal_read_ft(const struct scenario_view *view, size_t ft, size_t
 
 static double signal_read_measured_ft(const struct scenario_view *view, size_t ft, size_t word)
 {
-    return wrench_value(&simulator_measured(view->simulator)->ft[ft], word);
+    return wrench_value(&simulator_parts(view->simulator).measured->ft[ft], word);
 }
 
 /* Returns a value of a joint that the host has received. */
@@ -236,16 +236,16 @@ static double signal_read_bus(const struct scenario_view *view, size_t bus, size
 /* Returns a counter of the boards, or the boards' fault bits. */
 static double signal_read_boards(const struct scenario_view *view, size_t a, size_t word)
 {
+    const struct boards *boards = simulator_parts(view->simulator).boards;
     struct boards_counters counters;
 
     (void)a;
-    boards_counters(simulator_boards(view->simulator), &counters);
+    boards_counters(boards, &counters);
     {
-        const double value[] = {
-            (double)counters.frames,    (double)counters.foreign,
-            (double)counters.unknown,   (double)counters.malformed,
-            (double)counters.timeouts,  (double)counters.trips,
-            (double)counters.overflows, (double)boards_fault(simulator_boards(view->simulator))};
+        const double value[] = {(double)counters.frames,    (double)counters.foreign,
+                                (double)counters.unknown,   (double)counters.malformed,
+                                (double)counters.timeouts,  (double)counters.trips,
+                                (double)counters.overflows, (double)boards_fault(boards)};
 
         return value[word];
     }

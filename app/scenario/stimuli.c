@@ -85,7 +85,7 @@ enum error_code scenario_stimuli_create(const struct scenario *scenario, int mut
 static void stimulus_switch_fault(struct scenario_stimuli *stimuli, size_t index,
                                   const struct scenario_view *view, bool active, int64_t time_ns)
 {
-    struct faults *faults = simulator_faults(view->simulator);
+    struct faults *faults = simulator_parts(view->simulator).faults;
     struct state *state = &stimuli->state[index];
     char name[32];
 

@@ -111,7 +111,7 @@ static void check_status(struct run *run, int64_t time_ns)
 
 static void count_faults(struct run *run)
 {
-    const struct faults *faults = simulator_faults(run->simulator);
+    const struct faults *faults = simulator_parts(run->simulator).faults;
 
     for (size_t i = 0; i < faults_count(faults); i++) {
         bool active = faults_at(faults, i)->active;
@@ -207,12 +207,12 @@ void rules_check_end(struct run *run, enum loop_end end)
     struct boards_counters boards;
     long pages = rules_resident_pages();
 
-    boards_counters(simulator_boards(run->simulator), &boards);
+    boards_counters(simulator_parts(run->simulator).boards, &boards);
     if (!listener_check(&run->listener, run->part->task == NULL)) {
         part_fail(run, "%s", run->listener.failure);
     }
     if (end == LOOP_END_MODEL) {
-        part_fail(run, "the model failed: %s", simulator_failure(run->simulator));
+        part_fail(run, "the model failed: %s", simulator_parts(run->simulator).failure);
     }
     if (!run->part->task && (end != LOOP_END_LENGTH || stats->ticks != run->ticks)) {
         part_fail(run, "ended after %" PRIu64 " of %" PRIu64 " ticks", stats->ticks, run->ticks);

@@ -35,7 +35,7 @@ static void limb_host_step(void *context, int64_t now_ns)
 {
     struct limb_host *host = context;
     const struct bus_frame *last = &host->frame[host->nframe - 1];
-    const struct plant_sensors *sensors = simulator_measured(host->simulator);
+    const struct plant_sensors *sensors = simulator_parts(host->simulator).measured;
 
     if (host->sent < host->nframe) {
         can_send(host->ports.port[LEFT_LEG], &host->frame[host->sent++], 1);
@@ -85,7 +85,7 @@ static void run_limb(struct limb_host *host)
             snprintf(host->owed, sizeof host->owed, "%s", strstr(line, "axis 0"));
         }
     }
-    boards_counters(simulator_boards(host->simulator), &host->counters);
+    boards_counters(simulator_parts(host->simulator).boards, &host->counters);
     rig_run_close(host->simulator, &arena, &host->ports);
 }
 

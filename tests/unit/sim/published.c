@@ -50,7 +50,7 @@ static inline void open_bench(struct bench *bench)
                                               .ticks = TICKS,
                                               .row_period_ns = bench->rig.tick_ns};
     bench->simulator = rig_run_open(&bench->config, &bench->arena, NULL);
-    stream_want(simulator_stream(bench->simulator), 1);
+    stream_want(simulator_parts(bench->simulator).stream, 1);
     assert_int_equal(simulator_run(bench->simulator), LOOP_END_LENGTH);
 }
 
@@ -66,8 +66,8 @@ static double value_named(const struct bench *bench, const struct stream_row *ro
     char name[128];
 
     snprintf(name, sizeof name, "%s%s", first, second);
-    for (size_t i = 0; i < simulator_signals(bench->simulator); i++) {
-        if (strcmp(simulator_signal_names(bench->simulator)[i], name) == 0) {
+    for (size_t i = 0; i < simulator_parts(bench->simulator).nsignal; i++) {
+        if (strcmp(simulator_parts(bench->simulator).signal[i], name) == 0) {
             return row->value[i];
         }
     }
@@ -94,7 +94,7 @@ BENCH(open_bench, struct bench, close_bench)
 TEST_ON(rows_have_every_body_in_its_columns, open_bench, bench)
 {
     static const char *const columns[7] = {"_x_m", "_y_m", "_z_m", "_qw", "_qx", "_qy", "_qz"};
-    struct stream *stream = simulator_stream(bench->simulator);
+    struct stream *stream = simulator_parts(bench->simulator).stream;
     const struct stream_row *row;
     int rows = 0;
 
@@ -129,10 +129,10 @@ TEST_ON(rows_have_joints_base_and_buses_in_their_columns, open_bench, bench)
     struct simulator_status status;
 
     for (int i = 0; i < TICKS; i++) {
-        row = stream_front(simulator_stream(bench->simulator));
+        row = stream_front(simulator_parts(bench->simulator).stream);
         assert_non_null(row);
         if (i + 1 < TICKS) {
-            stream_drop(simulator_stream(bench->simulator));
+            stream_drop(simulator_parts(bench->simulator).stream);
         }
     }
     assert_true(simulator_read(bench->simulator, &status));
