@@ -170,15 +170,6 @@ static bool watch_add_signals(const struct viewer *viewer, const char *pattern,
     return watch->nsignal > before;
 }
 
-/* Returns the time of the last row before the client's next one; null = none. */
-static json_t *client_rows_begin(const struct viewer *viewer, const struct viewer_client *client)
-{
-    if (!viewer->history || !client->watch.rows || client->row <= history_begin(viewer->history)) {
-        return json_null();
-    }
-    return json_real((double)history_time(viewer->history, client->row - 1) * 1e-9);
-}
-
 /* Changes what a client watches: states, signals, frames, rows, and the rate. */
 static void client_watch(struct viewer *viewer, struct viewer_client *client,
                          const struct viewer_message *message)
@@ -221,9 +212,16 @@ static void client_watch(struct viewer *viewer, struct viewer_client *client,
     client->watch = watch;
     client->traced = client->ntraced = client->trace_lost = 0;
     client->playback.traced_ns = INT64_MIN;
-    client_answer(viewer, client, message,
-                  json_pack("{s:o, s:o}", "signals", chosen, "rows_after_s",
-                            client_rows_begin(viewer, client)));
+
+    /* The time of the last row before the client's next one; null = none */
+    const bool begun =
+        viewer->history && watch.rows && client->row > history_begin(viewer->history);
+
+    client_answer(
+        viewer, client, message,
+        json_pack("{s:o, s:o}", "signals", chosen, "rows_after_s",
+                  begun ? json_real((double)history_time(viewer->history, client->row - 1) * 1e-9)
+                        : json_null()));
 }
 
 /* ---- send ---- */

@@ -259,14 +259,6 @@ static uint8_t *put_faults(const struct viewer *viewer, uint8_t *to, size_t coun
 
 /* ---- a state ---- */
 
-static int64_t wall_time_ns(void)
-{
-    struct timespec now;
-
-    clock_gettime(CLOCK_REALTIME, &now);
-    return now.tv_sec * CLOCK_SECOND + now.tv_nsec;
-}
-
 /* Writes the header of a state. */
 static void put_state_header(const struct viewer *viewer, const struct viewer_client *client,
                              uint8_t *to, uint16_t ncontact, size_t nfault)
@@ -280,6 +272,7 @@ static void put_state_header(const struct viewer *viewer, const struct viewer_cl
     double speed = viewer->playback ? client->playback.speed
                    : requests       ? requests_speed(requests)
                                     : 1.0;
+    struct timespec wall;
 
     /* Kind of message, the clocks, then the sizes of the parts */
     to = put_u8(to, STATE_KIND);
@@ -291,7 +284,8 @@ static void put_state_header(const struct viewer *viewer, const struct viewer_cl
     to = put_u64(to, status->tick);
     to = put_u64(to, (uint64_t)status->time_ns);
     to = put_u64(to, (uint64_t)status->elapsed_ns);
-    to = put_u64(to, (uint64_t)wall_time_ns());
+    clock_gettime(CLOCK_REALTIME, &wall);
+    to = put_u64(to, (uint64_t)(wall.tv_sec * CLOCK_SECOND + wall.tv_nsec));
     to = put_u32(to, (uint32_t)status->overruns);
     to = put_u32(to, (uint32_t)status->lost_ticks);
     to = put_f32(to, speed);

@@ -66,50 +66,41 @@ static struct engine *bench_engine_begin(const struct robot *robot, struct error
     return engine;
 }
 
-/* Returns the engine. After an error, destroys it, sets the message and returns NULL. */
-static void *bench_engine_finish(struct engine *engine, enum error_code code,
-                                 const struct error *error, char *message, size_t size)
+/* Creates an engine with the numeric implementation, or with the generated code: the built-in code,
+ * or else code compiled now. After an error, sets the message and returns NULL. */
+static void *bench_engine_create(const struct robot *robot, bool generated, char *message,
+                                 size_t size)
 {
-    if (engine && !code) {
+    static const struct symbolic_options options = {.lanes = 4};
+    const struct dynamics_module *module = symbolic_builtin(robot);
+    struct error error = {0};
+    struct engine *engine = bench_engine_begin(robot, &error);
+
+    if (engine && !generated) {
+        dynamics_generic(robot, &engine->arena, &engine->dynamics, &error);
+    } else if (engine &&
+               (module || !symbolic_compile(robot, &options, "-O2", &engine->library, &error))) {
+        module = module ? module : engine->library.module;
+        dynamics_generated(robot, module, &engine->arena, &engine->dynamics, &error);
+    }
+    if (!error.code) {
         return engine;
     }
-    snprintf(message, size, "%s", error->text);
+    snprintf(message, size, "%s", error.text);
     if (engine) {
         bench_engine_destroy(engine);
     }
     return NULL;
 }
 
-/* Creates an engine with the numeric implementation. */
 static void *bench_engine_create_generic(const struct robot *robot, char *message, size_t size)
 {
-    struct error error = {0};
-    struct engine *engine = bench_engine_begin(robot, &error);
-    enum error_code code = ERROR_NONE;
-
-    if (engine) {
-        code = dynamics_generic(robot, &engine->arena, &engine->dynamics, &error);
-    }
-    return bench_engine_finish(engine, code, &error, message, size);
+    return bench_engine_create(robot, false, message, size);
 }
 
-/* Creates an engine with the generated code: the built-in code, or else code compiled now. */
 static void *bench_engine_create_generated(const struct robot *robot, char *message, size_t size)
 {
-    static const struct symbolic_options options = {.lanes = 4};
-    const struct dynamics_module *module = symbolic_builtin(robot);
-    struct error error = {0};
-    struct engine *engine = bench_engine_begin(robot, &error);
-    enum error_code code = ERROR_NONE;
-
-    if (engine && !module) {
-        code = symbolic_compile(robot, &options, "-O2", &engine->library, &error);
-        module = engine->library.module;
-    }
-    if (engine && !code) {
-        code = dynamics_generated(robot, module, &engine->arena, &engine->dynamics, &error);
-    }
-    return bench_engine_finish(engine, code, &error, message, size);
+    return bench_engine_create(robot, true, message, size);
 }
 
 /* Stores a state in a slot. */

@@ -6,6 +6,7 @@
 #include "base/input_file.h"
 #include "base/vec3.h"
 #include "base/whole_file.h"
+#include "canbus/frame.h"
 
 #include <errno.h>
 #include <limits.h>
@@ -152,14 +153,6 @@ enum error_code import_write_mesh(const struct import_mesh *mesh, const char *pa
 
 /* ---- binary STL ---- */
 
-/* Writes a 32-bit word in little-endian order. */
-static void stl_put_word(unsigned char *to, uint32_t word)
-{
-    for (int i = 0; i < 4; i++) {
-        to[i] = (unsigned char)(word >> 8 * i);
-    }
-}
-
 size_t import_count_tint(const struct import_mesh *mesh, int tint)
 {
     size_t count = 0;
@@ -173,7 +166,7 @@ size_t import_count_tint(const struct import_mesh *mesh, int tint)
 enum error_code import_write_tint(const struct import_mesh *mesh, int tint, const char *path,
                                   struct error *error)
 {
-    unsigned char header[84] = "Made by coman-hil import", face[50];
+    uint8_t header[84] = "Made by coman-hil import", face[50];
     struct whole_file file;
     enum error_code code = whole_file_open(&file, path, error);
 
@@ -181,7 +174,7 @@ enum error_code import_write_tint(const struct import_mesh *mesh, int tint, cons
         return code;
     }
     /* Write 80 bytes of text, the number of facets, then the facets of this tint */
-    stl_put_word(header + 80, (uint32_t)import_count_tint(mesh, tint));
+    put_u32_le(header + 80, (uint32_t)import_count_tint(mesh, tint));
     fwrite(header, 1, sizeof header, file.out);
     for (size_t f = 0; f < mesh->nface; f++) {
         const int *at = mesh->face[f];
@@ -204,7 +197,7 @@ enum error_code import_write_tint(const struct import_mesh *mesh, int tint, cons
                 uint32_t word;
 
                 memcpy(&word, &real, sizeof word);
-                stl_put_word(face + 4 * i, word);
+                put_u32_le(face + 4 * i, word);
             }
 
             fwrite(face, 1, sizeof face, file.out);

@@ -3,6 +3,7 @@
 #include "app/import/mesh_private.h"
 
 #include "base/text.h"
+#include "canbus/frame.h"
 #include "contact/mesh/obj.h"
 
 #include <math.h>
@@ -67,26 +68,19 @@ void mesh_add_face(struct mesh_reader *r, int a, int b, int c)
 
 /* ---- binary STL ---- */
 
-/* Reads a 32-bit word in little-endian order. */
-static uint32_t stl_get_word(const char *at)
-{
-    const unsigned char *p = (const unsigned char *)at;
-
-    return (uint32_t)p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
-}
-
 /* Checks whether an STL is binary: its size matches the number of facets in its header. */
 static bool stl_is_binary(const char *text, size_t size)
 {
     return size >= STL_HEADER + 4 &&
-           size == STL_HEADER + 4 + (size_t)stl_get_word(text + STL_HEADER) * STL_FACE;
+           size ==
+               STL_HEADER + 4 + (size_t)get_u32_le((const uint8_t *)text + STL_HEADER) * STL_FACE;
 }
 
 /* Reads a binary STL: after the normal, three corners of three floats in each facet. */
 static void stl_read_binary(struct mesh_reader *r)
 {
-    const char *at = r->at + STL_HEADER + 4;
-    const size_t faces = stl_get_word(r->at + STL_HEADER);
+    const uint8_t *at = (const uint8_t *)r->at + STL_HEADER + 4;
+    const size_t faces = get_u32_le(at - 4);
 
     if (!mesh_make_room(r, 3 * faces, faces)) {
         return;
@@ -96,7 +90,7 @@ static void stl_read_binary(struct mesh_reader *r)
             double xyz[3];
 
             for (int m = 0; m < 3; m++) {
-                const uint32_t bits = stl_get_word(at + 12 * (corner + 1) + 4 * m);
+                const uint32_t bits = get_u32_le(at + 12 * (corner + 1) + 4 * m);
                 float value;
 
                 memcpy(&value, &bits, sizeof value);

@@ -181,17 +181,6 @@ static void scenario_run_step(void *context, int64_t time_ns)
 
 /* ---- set-up ---- */
 
-/* Creates the host, if this run has one. */
-static enum error_code create_host(struct run *run, struct arena *arena, struct error *error)
-{
-    const struct rig *rig = run->view.rig;
-    const struct scenario *scenario = run->scenario;
-    const struct host_config config =
-        rig_host_config(rig, run->host_ports.port, scenario->clock == LOOP_CLOCK_LOCKSTEP);
-
-    return run->has_host ? host_create(&config, arena, &run->view.host, error) : ERROR_NONE;
-}
-
 /* Loads the rig with the scenario's changes, and looks up the scenario's names in it. */
 static enum error_code load_rig(struct run *run, struct arena *arena, struct error *error)
 {
@@ -222,17 +211,6 @@ static uint64_t scenario_run_ticks(const struct run *run)
     double length_s = run->scenario->duration_s + run->scenario->clean_up_s;
 
     return (uint64_t)ceil(length_s * 1e9 / (double)run->view.rig->tick_ns - 1e-6);
-}
-
-/* Decides whether the runner needs its own host. The host switches the motors on, or sends STEP in
- * lockstep if no other participant does. */
-static void scenario_run_find_host(struct run *run)
-{
-    const struct scenario *scenario = run->scenario;
-
-    run->starts = scenario->host == SCENARIO_HOST_ENABLED;
-    run->has_host = run->starts || (scenario->clock == LOOP_CLOCK_LOCKSTEP && !scenario->task &&
-                                    scenario->host != SCENARIO_HOST_PROGRAM);
 }
 
 /* Creates the simulator on local buses, and joins the buses. */
@@ -288,8 +266,13 @@ static enum error_code scenario_run_create(struct run *run, const struct scenari
         return error_set(error, ERROR_MEMORY, "no memory left for a scenario");
     }
 
+    /* Decide whether the runner needs its own host. The host switches the motors on, or sends STEP
+     * in lockstep if no other participant does. */
+    run->starts = scenario->host == SCENARIO_HOST_ENABLED;
+    run->has_host = run->starts || (scenario->clock == LOOP_CLOCK_LOCKSTEP && !scenario->task &&
+                                    scenario->host != SCENARIO_HOST_PROGRAM);
+
     /* Load the rig first, because names, ticks and buses depend on it */
-    scenario_run_find_host(run);
     if ((code = load_rig(run, arena, error)) ||
         (code = scenario_stimuli_create(scenario, options->mutation, arena, &run->stimuli, fault,
                                         &nfault, error)) ||
@@ -299,7 +282,11 @@ static enum error_code scenario_run_create(struct run *run, const struct scenari
         (code = create_simulator(run, options, observer, fault, nfault, arena, error))) {
         return code;
     }
-    return create_host(run, arena, error);
+
+    const struct host_config config = rig_host_config(run->view.rig, run->host_ports.port,
+                                                      scenario->clock == LOOP_CLOCK_LOCKSTEP);
+
+    return run->has_host ? host_create(&config, arena, &run->view.host, error) : ERROR_NONE;
 }
 
 /* ---- the run ---- */

@@ -80,22 +80,17 @@ enum error_code plan_check_rig(struct scenario *scenario, uint64_t *hash, struct
     return code;
 }
 
-/* Returns the seed of a case without its own seed: a hash of the sweep's seed and the case's
- * number. It has 52 bits, which every JSON reader keeps exactly. */
-static uint64_t plan_seed(const struct sweep *sweep, size_t number)
-{
-    const uint64_t part[2] = {(uint64_t)sweep->seed, number};
-
-    return hash_bytes(HASH_START, part, sizeof part) >> 12;
-}
-
 /* Writes the line of a case: scenario, values, seed and hash. */
 static enum error_code plan_put_line(struct planner *planner, const struct scenario *scenario,
                                      uint64_t rig_hash)
 {
     size_t number = ++planner->ncase;
-    uint64_t seed = yaml_has(&scenario->mark, "seed") ? (uint64_t)scenario->seed
-                                                      : plan_seed(planner->sweep, number);
+    /* The seed of a case without its own seed: a hash of the sweep's seed and the case's number. It
+     * has 52 bits, which every JSON reader keeps exactly */
+    const uint64_t part[2] = {(uint64_t)planner->sweep->seed, number};
+    uint64_t seed = yaml_has(&scenario->mark, "seed")
+                        ? (uint64_t)scenario->seed
+                        : hash_bytes(HASH_START, part, sizeof part) >> 12;
     char hash[PLAN_HASH], path[PATH_MAX];
     json_t *values = json_object(), *line;
     enum error_code code = plan_relate_path(planner->folder, scenario->file, path, planner->error);

@@ -33,23 +33,6 @@ static void recorder_write_values(struct recorder *recorder, enum recorder_file 
     line_file_put(&recorder->file[file], line, size);
 }
 
-/* Writes a row to the files that hold signals and poses. */
-static void recorder_write_row(struct recorder *recorder, const double *row)
-{
-    const struct recorder_config *config = &recorder->config;
-
-    if (recorder->has[FILE_SIGNALS]) {
-        recorder_write_values(recorder, FILE_SIGNALS, row[0], row + 1, config->nsignal);
-    }
-    if (recorder->has[FILE_POSES]) {
-        recorder_write_values(recorder, FILE_POSES, row[0], row + 1 + config->nsignal,
-                              RECORDER_POSE * config->nbody);
-    }
-    if (recorder->mcap) {
-        recorder_mcap_row(recorder->mcap, row);
-    }
-}
-
 /* ---- events ---- */
 
 /* Writes the first `count` of the waiting events to events.log and to the MCAP file. */
@@ -117,7 +100,21 @@ static bool recorder_drain_rings(struct recorder *recorder)
         ring_drop(&recorder->frames);
     }
     for (; count < 2 * ROUND && (item = ring_front(&recorder->rows)); count++) {
-        recorder_write_row(recorder, item);
+        /* Write a row to the files that hold signals and poses */
+        const struct recorder_config *config = &recorder->config;
+        const double *row = item;
+
+        if (recorder->has[FILE_SIGNALS]) {
+            recorder_write_values(recorder, FILE_SIGNALS, row[0], row + 1, config->nsignal);
+        }
+        if (recorder->has[FILE_POSES]) {
+            recorder_write_values(recorder, FILE_POSES, row[0], row + 1 + config->nsignal,
+                                  RECORDER_POSE * config->nbody);
+        }
+        if (recorder->mcap) {
+            recorder_mcap_row(recorder->mcap, row);
+        }
+
         ring_drop(&recorder->rows);
     }
     for (; count < 3 * ROUND && (item = ring_front(&recorder->events)); count++) {
