@@ -19,32 +19,26 @@ static void base_rotation(const struct dynamics *d, const double *q, double R[9]
     }
 }
 
-/* Computes the joints' transforms. A stage of an integrator needs motions, accelerations and
- * velocities at one q, so results for an equal q are reused. */
-static void find_transforms(const struct dynamics *d, const double *q)
-{
-    struct generic *g = d->work;
-    const size_t first = d->robot->nq - d->robot->njoint;
-
-    if (g->turned_known && memcmp(g->q, q, d->robot->nq * sizeof *q) == 0) {
-        return;
-    }
-    memcpy(g->q, q, d->robot->nq * sizeof *q);
-    g->turned_known = true;
-    g->moving_known = false;
-    g->place_known = false;
-    for (size_t b = 1; b < g->nbody; b++) {
-        joint_transform(&g->link[b], q[first + b - 1], &g->state[b]);
-    }
-}
-
 /* Computes the velocities and bias accelerations of all bodies, outward. */
 static void sweep_velocity(const struct dynamics *d, const double *q, const double *v)
 {
     struct generic *g = d->work;
     struct link_state *state = g->state;
 
-    find_transforms(d, q);
+    /* Compute the joints' transforms. A stage of an integrator needs motions, accelerations and
+     * velocities at one q, so results for an equal q are reused. */
+    const size_t first = d->robot->nq - d->robot->njoint;
+
+    if (!g->turned_known || memcmp(g->q, q, d->robot->nq * sizeof *q) != 0) {
+        memcpy(g->q, q, d->robot->nq * sizeof *q);
+        g->turned_known = true;
+        g->moving_known = false;
+        g->place_known = false;
+        for (size_t b = 1; b < g->nbody; b++) {
+            joint_transform(&g->link[b], q[first + b - 1], &g->state[b]);
+        }
+    }
+
     if (g->moving_known && memcmp(g->v, v, d->robot->nv * sizeof *v) == 0) {
         return;
     }

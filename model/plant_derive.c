@@ -130,24 +130,6 @@ static void apply_joint_torques(struct plant *plant, const double *state)
     }
 }
 
-/* Removes accelerations and wrenches of a clamped robot, because the clamp carries the loads. A
- * balanced clamp carries no load, so the wrenches stay. Wrenches on free bodies stay. */
-static void remove_clamped_loads(struct plant *plant)
-{
-    const struct robot *robot = plant->config.robot;
-
-    memset(plant->vdot, 0, robot->nv * sizeof *plant->vdot);
-    if (plant->balanced) {
-        return;
-    }
-    memset(plant->ext, 0, robot->nbody * sizeof *plant->ext);
-    for (size_t c = 0; c < plant->config.ncontact; c++) {
-        if ((size_t)plant->config.contact_body[c] < robot->nbody) {
-            plant->contact_wrench[c] = (struct contact_wrench){0};
-        }
-    }
-}
-
 enum error_code plant_load_bodies(struct plant *plant, const double *state, const double *bristle,
                                   double ahead_s, struct plant_load *load)
 {
@@ -179,47 +161,27 @@ enum error_code plant_evaluate(struct plant *plant, const double *state, struct 
         return code;
     }
     if (plant->clamped) {
-        remove_clamped_loads(plant);
+        /* Remove accelerations and wrenches of a clamped robot, because the clamp carries the
+         * loads. A balanced clamp carries no load, so the wrenches stay. Wrenches on free bodies
+         * stay. */
+        const struct robot *robot = plant->config.robot;
+
+        memset(plant->vdot, 0, robot->nv * sizeof *plant->vdot);
+        if (!plant->balanced) {
+            memset(plant->ext, 0, robot->nbody * sizeof *plant->ext);
+            for (size_t c = 0; c < plant->config.ncontact; c++) {
+                if ((size_t)plant->config.contact_body[c] < robot->nbody) {
+                    plant->contact_wrench[c] = (struct contact_wrench){0};
+                }
+            }
+        }
+
         return ERROR_NONE;
     }
     apply_joint_torques(plant, state);
     dynamics->ops->forward(dynamics, plant->q, v, plant->tau, loaded ? plant->ext : NULL,
                            plant->vdot);
     return ERROR_NONE;
-}
-
-/* Computes the rates of the drives' states, eqs (2) and (4), and adds their powers; work may be
- * NULL. */
-static void derive_drives(const struct plant *plant, const double *state, double *derivative,
-                          double *work)
-{
-    for (size_t d = 0; d < plant->ndrive; d++) {
-        size_t j = plant->drive_joint[d];
-        const struct robot_sea *sea = &plant->sea[d];
-        double q = plant_joint_position(plant, state, j), qd = plant_joint_rate(plant, state, j);
-        double *out = derivative + plant_drive_offset(plant, d);
-        struct sea_state drive = plant_drive_state(plant, state, d), rate;
-
-        if (sea->effects) {
-            plant_effects_derive(plant, state, d, derivative, work);
-            continue;
-        }
-        const double voltage = plant_drive_voltage(plant, state, d);
-
-        sea_derivative(sea, &drive, q, qd, voltage, plant->bridge_on[d], &rate);
-        out[DRIVE_MOTOR_POSITION] = rate.qm;
-        out[DRIVE_MOTOR_SPEED] = rate.qmd;
-        out[DRIVE_CURRENT] = rate.I;
-        if (work) {
-            struct sea_power power;
-
-            sea_power(sea, &drive, q, qd, voltage, &power);
-            work[WORK_ELECTRICAL] += power.electrical;
-            work[WORK_JOULE] += power.joule;
-            work[WORK_FRICTION] += power.friction;
-            work[WORK_SPRING_DAMPING] += power.spring_damping;
-        }
-    }
 }
 
 double plant_stop_loss(const struct plant *plant, const double *state)
@@ -277,7 +239,36 @@ void plant_derivative(void *context, double t, const double *state, double *deri
     /* Compute the rates of all parts of the state, in the order of the state */
     dynamics_qdot(robot, plant->q, state + plant->at.v, derivative);
     memcpy(derivative + plant->at.v, plant->vdot, robot->nv * sizeof *derivative);
-    derive_drives(plant, state, derivative, work);
+
+    /* Compute the rates of the drives' states, eqs (2) and (4), and add their powers; work may be
+     * NULL */
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        size_t j = plant->drive_joint[d];
+        const struct robot_sea *sea = &plant->sea[d];
+        double q = plant_joint_position(plant, state, j), qd = plant_joint_rate(plant, state, j);
+        double *out = derivative + plant_drive_offset(plant, d);
+        struct sea_state drive = plant_drive_state(plant, state, d), rate;
+
+        if (sea->effects) {
+            plant_effects_derive(plant, state, d, derivative, work);
+            continue;
+        }
+        const double voltage = plant_drive_voltage(plant, state, d);
+
+        sea_derivative(sea, &drive, q, qd, voltage, plant->bridge_on[d], &rate);
+        out[DRIVE_MOTOR_POSITION] = rate.qm;
+        out[DRIVE_MOTOR_SPEED] = rate.qmd;
+        out[DRIVE_CURRENT] = rate.I;
+        if (work) {
+            struct sea_power power;
+
+            sea_power(sea, &drive, q, qd, voltage, &power);
+            work[WORK_ELECTRICAL] += power.electrical;
+            work[WORK_JOULE] += power.joule;
+            work[WORK_FRICTION] += power.friction;
+            work[WORK_SPRING_DAMPING] += power.spring_damping;
+        }
+    }
 
     /* Parallel springs, eq. (5): the pretension moves at a constant rate */
     for (size_t s = 0; s < plant->nspring; s++) {

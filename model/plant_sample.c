@@ -58,39 +58,6 @@ static void observe_frame(const struct plant *plant, const struct robot_frame *f
     mat3_apply_transposed(out->R, a, out->specific);
 }
 
-/* Computes the wrench at a force-torque sensor by Newton's and Euler's laws for the distal part:
- * external wrench minus the wrench of weight and inertia. */
-static void sample_ft_sensor(const struct plant *plant, const struct robot_ft_sensor *sensor,
-                             struct ft_sense *ft)
-{
-    const struct robot_frame *frame = &plant->config.robot->frame[sensor->frame];
-    const struct wrench *ext = &plant->ext[frame->body];
-    const struct robot_inertia *distal = &sensor->distal;
-    struct frame_motion motion;
-    double moment[3], a[3], force[3], spin[3], rate[3];
-
-    /* Move the external wrench from the body's origin to the sensor's origin */
-    memcpy(moment, ext->moment, sizeof moment);
-    vec3_add_cross(ext->force, frame->position, moment);
-    mat3_apply_transposed(frame->rotation, ext->force, ft->force_n);
-    mat3_apply_transposed(frame->rotation, moment, ft->torque_nm);
-
-    /* Compute the motion of the distal part */
-    observe_frame(plant, frame, &motion);
-    accelerate_point(motion.specific, motion.w, motion.alpha, distal->com, a);
-    for (int i = 0; i < 3; i++) {
-        force[i] = -distal->mass * a[i];
-        ft->force_n[i] += force[i];
-    }
-    vec3_add_cross(distal->com, force, ft->torque_nm);
-    sym3_apply(distal->I, motion.alpha, rate);
-    sym3_apply(distal->I, motion.w, spin);
-    vec3_add_cross(motion.w, spin, rate);
-    for (int i = 0; i < 3; i++) {
-        ft->torque_nm[i] -= rate[i];
-    }
-}
-
 void plant_forget_peaks(struct plant *plant)
 {
     memset(plant->peak, 0, plant->config.ncontact * sizeof *plant->peak);
@@ -245,7 +212,36 @@ enum error_code plant_sample(struct plant *plant)
         plant_sample_bending(plant);
     }
     for (size_t f = 0; f < robot->nft; f++) {
-        sample_ft_sensor(plant, &robot->ft[f], &plant->sensors.ft[f]);
+        /* Compute the wrench at a force-torque sensor by Newton's and Euler's laws for the distal
+         * part: external wrench minus the wrench of weight and inertia */
+        struct ft_sense *ft = &plant->sensors.ft[f];
+        const struct robot_frame *frame = &plant->config.robot->frame[robot->ft[f].frame];
+        const struct wrench *ext = &plant->ext[frame->body];
+        const struct robot_inertia *distal = &robot->ft[f].distal;
+        struct frame_motion motion;
+        double moment[3], a[3], force[3], spin[3], rate[3];
+
+        /* Move the external wrench from the body's origin to the sensor's origin */
+        memcpy(moment, ext->moment, sizeof moment);
+        vec3_add_cross(ext->force, frame->position, moment);
+        mat3_apply_transposed(frame->rotation, ext->force, ft->force_n);
+        mat3_apply_transposed(frame->rotation, moment, ft->torque_nm);
+
+        /* Compute the motion of the distal part */
+        observe_frame(plant, frame, &motion);
+        accelerate_point(motion.specific, motion.w, motion.alpha, distal->com, a);
+        for (int i = 0; i < 3; i++) {
+            force[i] = -distal->mass * a[i];
+            ft->force_n[i] += force[i];
+        }
+        vec3_add_cross(distal->com, force, ft->torque_nm);
+        sym3_apply(distal->I, motion.alpha, rate);
+        sym3_apply(distal->I, motion.w, spin);
+        vec3_add_cross(motion.w, spin, rate);
+        for (int i = 0; i < 3; i++) {
+            ft->torque_nm[i] -= rate[i];
+        }
+
         sample_ft_peak(plant, &robot->ft[f], &plant->sensors.ft[f]);
     }
     if (robot->imu_frame >= 0) {

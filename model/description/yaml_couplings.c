@@ -8,11 +8,35 @@
  * has 1e-4 m/rad. */
 #define LEAST_MULTIPLIER 1e-6
 
-/* Checks a coupling against earlier couplings: a joint follows only one joint, and no leader is a
- * follower. */
-static enum error_code check_chain(struct robot_builder *b, size_t i)
+/* Finds the two joints of a coupling and checks their roles. */
+static enum error_code build_coupled_joints(struct robot_builder *b, size_t i)
 {
+    const struct yaml_names joints = YAML_NAMES(b->robot->joint, b->robot->njoint, name);
     const struct coupling_yaml *given = &b->file.coupling[i];
+    struct robot_coupling *coupling = &b->robot->coupling[i];
+    enum error_code code;
+
+    if ((code =
+             yaml_find_name(joints, "joint", given->follower, yaml_place(&given->mark, "follower"),
+                            &coupling->follower, b->error)) ||
+        (code = yaml_find_name(joints, "joint", given->leader, yaml_place(&given->mark, "leader"),
+                               &coupling->leader, b->error))) {
+        return code;
+    }
+    if (coupling->follower == coupling->leader) {
+        return yaml_error(b->error, yaml_place(&given->mark, "leader"),
+                          "found joint \"%s\" as its own leader, expected another joint",
+                          given->leader);
+    }
+    if (robot_joint_is_driven(&b->robot->joint[coupling->follower])) {
+        return yaml_error(b->error, yaml_place(&given->mark, "follower"),
+                          "found follower \"%s\" with a drive of its own, expected none: its "
+                          "leader moves it",
+                          given->follower);
+    }
+
+    /* Check a coupling against earlier couplings: a joint follows only one joint, and no leader is
+     * a follower */
     const struct robot_coupling *own = &b->robot->coupling[i];
 
     for (size_t k = 0; k < i; k++) {
@@ -40,35 +64,6 @@ static enum error_code check_chain(struct robot_builder *b, size_t i)
         }
     }
     return ERROR_NONE;
-}
-
-/* Finds the two joints of a coupling and checks their roles. */
-static enum error_code build_coupled_joints(struct robot_builder *b, size_t i)
-{
-    const struct yaml_names joints = YAML_NAMES(b->robot->joint, b->robot->njoint, name);
-    const struct coupling_yaml *given = &b->file.coupling[i];
-    struct robot_coupling *coupling = &b->robot->coupling[i];
-    enum error_code code;
-
-    if ((code =
-             yaml_find_name(joints, "joint", given->follower, yaml_place(&given->mark, "follower"),
-                            &coupling->follower, b->error)) ||
-        (code = yaml_find_name(joints, "joint", given->leader, yaml_place(&given->mark, "leader"),
-                               &coupling->leader, b->error))) {
-        return code;
-    }
-    if (coupling->follower == coupling->leader) {
-        return yaml_error(b->error, yaml_place(&given->mark, "leader"),
-                          "found joint \"%s\" as its own leader, expected another joint",
-                          given->leader);
-    }
-    if (robot_joint_is_driven(&b->robot->joint[coupling->follower])) {
-        return yaml_error(b->error, yaml_place(&given->mark, "follower"),
-                          "found follower \"%s\" with a drive of its own, expected none: its "
-                          "leader moves it",
-                          given->follower);
-    }
-    return check_chain(b, i);
 }
 
 /* Checks the numbers of a coupling and the units in their keys, which are the follower's. */

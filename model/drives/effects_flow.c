@@ -101,24 +101,6 @@ static double flow_winding(const struct effects_span *span, const struct effects
     return R > 0.0 ? I - (voltage / R - I) * portable_expm1(-R * t / L) : I + t * voltage / L;
 }
 
-/* Advances a moving rotor to the end of the part, ignoring events. The additional loads are means
- * of their values at both ends (predictor and corrector). */
-static void slide_rotor(const struct effects_span *span, double q, double deflection, double h,
-                        const struct effects_mode *mode, const struct effects_state *begin,
-                        struct effects_state *end)
-{
-    const double play = 0.5 * span->sea->effects->backlash;
-    const enum effects_law law = fabs(deflection) < play ? EFFECTS_LOOSE : EFFECTS_BENT;
-    struct extra_load first = find_extra_load(span, q, law, mode, begin), last;
-
-    end->sea = flow_loaded(span, q, law, mode, &begin->sea, &first);
-    follow_hysteresis(span, deflection, q + h * span->qd, begin, end, NULL);
-    last = find_extra_load(span, q + h * span->qd, law, mode, end);
-    first.torque = 0.5 * (first.torque + last.torque);
-    first.voltage = 0.5 * (first.voltage + last.voltage);
-    end->sea = flow_loaded(span, q, law, mode, &begin->sea, &first);
-}
-
 /* Corrects the end of a part in which the rotor came to rest: it stops where its speed, linear in
  * time, is zero. Then it stays at rest or turns back. */
 static void stop_rotor(const struct effects_span *span, double q, double deflection, double h,
@@ -308,7 +290,19 @@ void effects_advance(const struct effects_span *span, double q, struct effects_s
         if (mode.slide == 0) {
             end.sea.I = flow_winding(span, &mode, state, state->sea.I, h);
         } else {
-            slide_rotor(span, q, deflection, h, &mode, state, &end);
+            /* Advance a moving rotor to the end of the part, ignoring events. The additional loads
+             * are means of their values at both ends (predictor and corrector). */
+            const double play = 0.5 * span->sea->effects->backlash;
+            const enum effects_law law = fabs(deflection) < play ? EFFECTS_LOOSE : EFFECTS_BENT;
+            struct extra_load first = find_extra_load(span, q, law, &mode, state), last;
+
+            end.sea = flow_loaded(span, q, law, &mode, &state->sea, &first);
+            follow_hysteresis(span, deflection, q + h * span->qd, state, &end, NULL);
+            last = find_extra_load(span, q + h * span->qd, law, &mode, &end);
+            first.torque = 0.5 * (first.torque + last.torque);
+            first.voltage = 0.5 * (first.voltage + last.voltage);
+            end.sea = flow_loaded(span, q, law, &mode, &state->sea, &first);
+
             if (effects_sticks(span->sea) && end.sea.qmd * mode.slide < 0.0) {
                 stop_rotor(span, q, deflection, h, state, &end);
                 events.any = true;

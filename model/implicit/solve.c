@@ -263,47 +263,6 @@ static double apply_preconditioner(struct plant *plant)
     return inner_product(im, im->r, im->twist_z);
 }
 
-/* Corrects im->a from the solution with P and the held wrenches to the solution with P + C, by
- * conjugate gradients. Residuals, s = P p and w = (P + C) p are wrenches on the contact bodies,
- * because C produces no other loads. Accuracy: relative to the stage's first residual. */
-static void solve_coupled(struct plant *plant)
-{
-    struct implicit *im = plant->implicit;
-    const size_t bytes = plant->config.ncontact * sizeof *im->r;
-    double rz;
-
-    /* Start with the solution of P, its residual -C a - held, and the first direction */
-    memcpy(im->uncoupled, im->a, im->na * sizeof *im->a);
-    implicit_contact_accelerations(plant, im->a, im->twist_z);
-    memset(im->r, 0, bytes);
-    add_coupling(plant, -1.0, im->twist_z, im->r);
-    combine_spatial(im, -1.0, im->held, 1.0, im->r);
-    rz = apply_preconditioner(plant);
-    im->first_residual = im->first_residual > 0.0 ? im->first_residual : rz;
-    memcpy(im->p, im->z, im->na * sizeof *im->p);
-    memcpy(im->twist_p, im->twist_z, bytes);
-    memcpy(im->s, im->r, bytes);
-
-    for (int step = 0; step < COUPLING_STEPS && rz > COUPLING_LEFT * im->first_residual; step++) {
-        double length, last = rz;
-
-        /* Move along p until the residual is orthogonal to p */
-        memcpy(im->w, im->s, bytes);
-        add_coupling(plant, 1.0, im->twist_p, im->w);
-        length = rz / inner_product(im, im->w, im->twist_p);
-        add_scaled(length, im->p, im->a, im->na);
-        combine_spatial(im, -length, im->w, 1.0, im->r);
-
-        /* Compute the next direction, conjugate to all earlier directions */
-        rz = apply_preconditioner(plant);
-        for (size_t i = 0; i < im->na; i++) {
-            im->p[i] = im->z[i] + rz / last * im->p[i];
-        }
-        combine_spatial(im, 1.0, im->twist_z, rz / last, im->twist_p);
-        combine_spatial(im, 1.0, im->r, rz / last, im->s);
-    }
-}
-
 void implicit_solve(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -319,6 +278,43 @@ void implicit_solve(struct plant *plant)
     }
     solve_uncoupled(plant, again ? im->held : NULL, true, im->a);
     if (im->coupled) {
-        solve_coupled(plant);
+        /* Correct im->a from the solution with P and the held wrenches to the solution with P + C,
+         * by conjugate gradients. Residuals, s = P p and w = (P + C) p are wrenches on the contact
+         * bodies, because C produces no other loads. Accuracy: relative to the stage's first
+         * residual. */
+        const size_t bytes = plant->config.ncontact * sizeof *im->r;
+        double rz;
+
+        /* Start with the solution of P, its residual -C a - held, and the first direction */
+        memcpy(im->uncoupled, im->a, im->na * sizeof *im->a);
+        implicit_contact_accelerations(plant, im->a, im->twist_z);
+        memset(im->r, 0, bytes);
+        add_coupling(plant, -1.0, im->twist_z, im->r);
+        combine_spatial(im, -1.0, im->held, 1.0, im->r);
+        rz = apply_preconditioner(plant);
+        im->first_residual = im->first_residual > 0.0 ? im->first_residual : rz;
+        memcpy(im->p, im->z, im->na * sizeof *im->p);
+        memcpy(im->twist_p, im->twist_z, bytes);
+        memcpy(im->s, im->r, bytes);
+
+        for (int step = 0; step < COUPLING_STEPS && rz > COUPLING_LEFT * im->first_residual;
+             step++) {
+            double length, last = rz;
+
+            /* Move along p until the residual is orthogonal to p */
+            memcpy(im->w, im->s, bytes);
+            add_coupling(plant, 1.0, im->twist_p, im->w);
+            length = rz / inner_product(im, im->w, im->twist_p);
+            add_scaled(length, im->p, im->a, im->na);
+            combine_spatial(im, -length, im->w, 1.0, im->r);
+
+            /* Compute the next direction, conjugate to all earlier directions */
+            rz = apply_preconditioner(plant);
+            for (size_t i = 0; i < im->na; i++) {
+                im->p[i] = im->z[i] + rz / last * im->p[i];
+            }
+            combine_spatial(im, 1.0, im->twist_z, rz / last, im->twist_p);
+            combine_spatial(im, 1.0, im->r, rz / last, im->s);
+        }
     }
 }

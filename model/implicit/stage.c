@@ -149,25 +149,6 @@ static bool something_strikes(const struct plant *plant)
     return strikes;
 }
 
-/* Raises jump by the difference between the joints' rates at the stage and at the point, converted
- * to the speed of a body on a lever. */
-static void raise_jump_at_joints(struct plant *plant)
-{
-    struct implicit *im = plant->implicit;
-    const struct robot *robot = plant->config.robot;
-    const size_t first = robot->nv - robot->njoint;
-
-    if (plant->clamped || !something_strikes(plant)) {
-        return;
-    }
-    for (size_t j = 0; j < robot->njoint; j++) {
-        const double lever = robot->joint[j].type == JOINT_REVOLUTE ? STRIKE_LEVER : 1.0;
-        const double jump = lever * im->stage_h * fabs(im->a[first + j] - im->a_point[first + j]);
-
-        im->jump = jump > im->jump ? jump : im->jump;
-    }
-}
-
 enum error_code implicit_solve_stage(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -223,7 +204,22 @@ enum error_code implicit_solve_stage(struct plant *plant)
         implicit_find_contact(plant);
     }
     implicit_end_contact(plant);
-    raise_jump_at_joints(plant);
+
+    /* Raise jump by the difference between the joints' rates at the stage and at the point,
+     * converted to the speed of a body on a lever */
+    const struct robot *robot = plant->config.robot;
+    const size_t first = robot->nv - robot->njoint;
+
+    if (!plant->clamped && something_strikes(plant)) {
+        for (size_t j = 0; j < robot->njoint; j++) {
+            const double lever = robot->joint[j].type == JOINT_REVOLUTE ? STRIKE_LEVER : 1.0;
+            const double jump =
+                lever * im->stage_h * fabs(im->a[first + j] - im->a_point[first + j]);
+
+            im->jump = jump > im->jump ? jump : im->jump;
+        }
+    }
+
     find_slope(plant);
     for (size_t i = 0; i < im->na; i++) {
         im->u[i] = im->u_base[i] + im->stage_h * im->slope[i];

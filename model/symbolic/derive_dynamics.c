@@ -239,42 +239,6 @@ static void eliminate_joint(struct derive *d, size_t group, struct state *A)
     }
 }
 
-/* Eliminates the group's joints. Adds the remaining inertia and force to the parents. */
-static void articulated_inward(struct derive *d, size_t group)
-{
-    struct state A = d->state[group];
-
-    eliminate_joint(d, group, &A);
-
-    /* Transform the inertia A from the bodies' frames to the parents' frames */
-    const struct tree_body *body = derive_first_body(d, group);
-
-    expr r[3];
-
-    if (body->prismatic) {
-        derive_shift_inertia(d, body->axis, d->state[group].d, &A);
-    } else {
-        derive_turn_inertia(d, body->axis, d->state[group].c, d->state[group].s, &A);
-    }
-    for (int n = body->nturn - 1; n >= 0; n--) {
-        derive_turn_inertia(d, body->turn[n].axis, derive_turn_const(d, group, n, false),
-                            derive_turn_const(d, group, n, true), &A);
-    }
-    derive_origin(d, group, r);
-    for (int m = 0; m < 3; m++) {
-        derive_shift_inertia(d, m, r[m], &A);
-    }
-    for (int a = 0; a < 6; a++) {
-        for (int b = a; b < 6; b++) {
-            expr *element = derive_inertia_element(&A, a, b);
-            size_t at = (size_t)((char *)element - (char *)&A);
-
-            derive_to_parent(d, group, at, *element);
-        }
-    }
-    force_inward(d, group, A.n, A.f);
-}
-
 /* Solves for the floating base's accelerations: A x = -p by elimination, the linear part first. */
 static void solve_base(struct derive *d)
 {
@@ -405,7 +369,37 @@ static void derive_forward(struct derive *d)
 
     /* Inward: compute articulated inertias. Outward: compute accelerations */
     for (size_t g = ngroup - 1; g > 0; g--) {
-        articulated_inward(d, g);
+        /* Eliminate the group's joints; add the remaining inertia and force to the parents */
+        struct state A = d->state[g];
+
+        eliminate_joint(d, g, &A);
+
+        /* Transform the inertia A from the bodies' frames to the parents' frames */
+        const struct tree_body *body = derive_first_body(d, g);
+        expr r[3];
+
+        if (body->prismatic) {
+            derive_shift_inertia(d, body->axis, d->state[g].d, &A);
+        } else {
+            derive_turn_inertia(d, body->axis, d->state[g].c, d->state[g].s, &A);
+        }
+        for (int n = body->nturn - 1; n >= 0; n--) {
+            derive_turn_inertia(d, body->turn[n].axis, derive_turn_const(d, g, n, false),
+                                derive_turn_const(d, g, n, true), &A);
+        }
+        derive_origin(d, g, r);
+        for (int m = 0; m < 3; m++) {
+            derive_shift_inertia(d, m, r[m], &A);
+        }
+        for (int a = 0; a < 6; a++) {
+            for (int b = a; b < 6; b++) {
+                expr *element = derive_inertia_element(&A, a, b);
+                size_t at = (size_t)((char *)element - (char *)&A);
+
+                derive_to_parent(d, g, at, *element);
+            }
+        }
+        force_inward(d, g, A.n, A.f);
     }
     if (floating) {
         expr linear[3];

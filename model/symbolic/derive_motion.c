@@ -282,48 +282,6 @@ static void add_lanes(struct derive *d, size_t group, expr *sum, expr value)
     }
 }
 
-/* Adds twice the kinetic energy, m v.v + 2 v.(w x h) + w.J w with the last term in the bodies'
- * axes, and the potential energy, -g.(m p + R h). */
-static void add_energy(struct derive *d, size_t group, expr *kinetic, expr *potential)
-{
-    struct state *state = &d->state[group];
-    expr mass = derive_inertia(d, group, TREE_MASS), two = graph_const(d->g, 2.0);
-    expr h[3], first[3], w[3], Jw[3], across[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO}, twice;
-
-    /* Compute h and w in the bodies' axes, and R h in the world's axes */
-    derive_body_inertia(d, group);
-    for (int m = 0; m < 3; m++) {
-        expr column[3];
-
-        h[m] = derive_inertia(d, group, TREE_H + m);
-        derive_column_of(state->R, m, column);
-        w[m] = derive_dot(d, column, state->w);
-    }
-    derive_rotate(d, state->R, h, first);
-
-    /* Add twice the kinetic energy */
-    for (int m = 0; m < 3; m++) {
-        expr row[3];
-
-        for (int n = 0; n < 3; n++) {
-            row[n] = *upper(state->J, m, n);
-        }
-        Jw[m] = derive_dot(d, row, w);
-    }
-    derive_add_cross(d, across, state->w, first);
-    twice = add(d, mul(d, mass, derive_dot(d, state->v, state->v)), derive_dot(d, w, Jw));
-    add_to(d, &twice, mul(d, two, derive_dot(d, state->v, across)));
-    add_lanes(d, group, kinetic, twice);
-
-    /* Add the potential energy */
-    for (int m = 0; m < 3; m++) {
-        expr moment = add(d, first[m], mul(d, mass, state->p[m]));
-        double gravity = d->tree->robot->gravity[m];
-
-        add_lanes(d, group, potential, mul(d, graph_const(d->g, -gravity), moment));
-    }
-}
-
 void derive_energy(struct derive *d)
 {
     expr kinetic = EXPR_ZERO, potential = EXPR_ZERO;
@@ -334,7 +292,45 @@ void derive_energy(struct derive *d)
             derive_joint_state(d, g);
             world_outward(d, g, false);
         }
-        add_energy(d, g, &kinetic, &potential);
+
+        /* Add twice the kinetic energy, m v.v + 2 v.(w x h) + w.J w with the last term in the
+         * bodies' axes, and the potential energy, -g.(m p + R h) */
+        struct state *state = &d->state[g];
+        expr mass = derive_inertia(d, g, TREE_MASS), two = graph_const(d->g, 2.0);
+        expr h[3], first[3], w[3], Jw[3], across[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO}, twice;
+
+        /* Compute h and w in the bodies' axes, and R h in the world's axes */
+        derive_body_inertia(d, g);
+        for (int m = 0; m < 3; m++) {
+            expr column[3];
+
+            h[m] = derive_inertia(d, g, TREE_H + m);
+            derive_column_of(state->R, m, column);
+            w[m] = derive_dot(d, column, state->w);
+        }
+        derive_rotate(d, state->R, h, first);
+
+        /* Add twice the kinetic energy */
+        for (int m = 0; m < 3; m++) {
+            expr row[3];
+
+            for (int n = 0; n < 3; n++) {
+                row[n] = *upper(state->J, m, n);
+            }
+            Jw[m] = derive_dot(d, row, w);
+        }
+        derive_add_cross(d, across, state->w, first);
+        twice = add(d, mul(d, mass, derive_dot(d, state->v, state->v)), derive_dot(d, w, Jw));
+        add_to(d, &twice, mul(d, two, derive_dot(d, state->v, across)));
+        add_lanes(d, g, &kinetic, twice);
+
+        /* Add the potential energy */
+        for (int m = 0; m < 3; m++) {
+            expr moment = add(d, first[m], mul(d, mass, state->p[m]));
+            double gravity = d->tree->robot->gravity[m];
+
+            add_lanes(d, g, &potential, mul(d, graph_const(d->g, -gravity), moment));
+        }
     }
     derive_put(d, 0, mul(d, graph_const(d->g, 0.5), kinetic));
     derive_put(d, 1, potential);

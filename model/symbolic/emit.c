@@ -186,7 +186,6 @@ static void write_value(const struct emission *e, const struct graph_node *node)
         fprintf(e->file, "[%d]", node->index[0]);
         break;
     case GRAPH_PACK:
-
         /* Write one-lane expressions side by side */
         fprintf(e->file, "(%s){", vector_type_name(node->width));
         for (int l = 0; l < node->width; l++) {
@@ -271,23 +270,6 @@ static void note_use(struct emission *e, uint32_t n, int piece)
     }
     for (int m = 0; node->op != GRAPH_CONST && m < operand_count(node->op, node->width); m++) {
         note_use(e, expr_node(node->operand[m]), piece);
-    }
-}
-
-/* Finds the last piece that uses each node. */
-static void find_uses(struct emission *e)
-{
-    for (uint32_t n = 0; n < e->graph->count; n++) {
-        const struct graph_node *node = &e->graph->node[n];
-
-        for (int m = 0; is_placed(e, n) && m < operand_count(node->op, node->width); m++) {
-            note_use(e, expr_node(node->operand[m]), e->piece[n]);
-        }
-    }
-    for (size_t o = 0; o < e->derivation->count; o++) {
-        uint32_t n = expr_node(e->derivation->output[o].value);
-
-        note_use(e, n, e->piece[n]);
     }
 }
 
@@ -521,7 +503,21 @@ enum error_code emission_create(const char *name, const struct graph *graph,
         }
     }
     cut_pieces(e, longest);
-    find_uses(e);
+
+    /* Find the last piece that uses each node */
+    for (uint32_t n = 0; n < e->graph->count; n++) {
+        const struct graph_node *node = &e->graph->node[n];
+
+        for (int m = 0; is_placed(e, n) && m < operand_count(node->op, node->width); m++) {
+            note_use(e, expr_node(node->operand[m]), e->piece[n]);
+        }
+    }
+    for (size_t o = 0; o < e->derivation->count; o++) {
+        uint32_t n = expr_node(e->derivation->output[o].value);
+
+        note_use(e, n, e->piece[n]);
+    }
+
     place_scratch(e, e->memory + 5 * nodes);
     count_operations(e, count);
     return ERROR_NONE;
