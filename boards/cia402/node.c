@@ -420,21 +420,6 @@ static bool cia402_pdo_receive(struct cia402_node *node, const struct bus_frame 
     return found;
 }
 
-static void cia402_pdo_sync(struct cia402_node *node)
-{
-    if (node->state != CIA402_OPERATIONAL) {
-        return;
-    }
-    node->syncs++;
-    board_queue_transmit(&node->board); /* synchronous TPDOs */
-    for (unsigned i = 0; i < cia402_pdos(node); i++) {
-        if (node->rx[i].waits) {
-            node->rx[i].waits = false;
-            cia402_pdo_apply(node, &node->rx[i]);
-        }
-    }
-}
-
 /* ---- transmission ---- */
 
 /* Returns whether the transmission type of a TPDO requires a frame in this tick. changed: the data
@@ -598,24 +583,6 @@ void cia402_nmt_command(struct cia402_node *node, unsigned command)
 }
 
 /* ---- heartbeat producer and answers to guarding ---- */
-
-/* Answers a guarding frame with the state and a toggle bit. A heartbeat producer does not
- * answer. */
-static void cia402_nmt_guard(struct cia402_node *node)
-{
-    uint8_t data;
-
-    if (node->settings.producer_ms > 0) {
-        return;
-    }
-    data = (uint8_t)(node->state | (node->guard_toggle ? 0x80 : 0));
-    board_queue(&node->board, CIA402_HEARTBEAT + node->board.address, 1, &data);
-    node->guard_toggle = !node->guard_toggle;
-    node->guarded = true;
-    node->guard_lost = false;
-    node->guard_ns = node->board.boards->now_ns;
-    cia402_emcy_resolve_communication(node);
-}
 
 static void cia402_nmt_transmit(struct cia402_node *node, struct frame_sink *sink)
 {
@@ -1060,8 +1027,15 @@ static bool cia402_bus_offer(struct boards *boards, struct board_bus *bus,
             used = cia402_pdo_receive(node, frame, &own);
         } else if (frame->len > 1) {
             own = BOARD_MALFORMED;
-        } else {
-            cia402_pdo_sync(node);
+        } else if (node->state == CIA402_OPERATIONAL) {
+            node->syncs++;
+            board_queue_transmit(&node->board); /* synchronous TPDOs */
+            for (unsigned i = 0; i < cia402_pdos(node); i++) {
+                if (node->rx[i].waits) {
+                    node->rx[i].waits = false;
+                    cia402_pdo_apply(node, &node->rx[i]);
+                }
+            }
         }
         if (used && verdict == BOARD_OBEYED) {
             listener = &node->board;
@@ -1084,7 +1058,18 @@ static bool cia402_bus_dispatch(struct boards *boards, struct board_bus *bus,
     /* A remote frame requests either node guarding or a TPDO */
     if (frame->flags & FRAME_REMOTE && service == CIA402_HEARTBEAT) {
         if (node) {
-            cia402_nmt_guard(node);
+            /* Answer a guarding frame with the state and a toggle bit. A heartbeat producer does
+             * not answer. */
+            if (node->settings.producer_ms <= 0) {
+                uint8_t data = (uint8_t)(node->state | (node->guard_toggle ? 0x80 : 0));
+
+                board_queue(&node->board, CIA402_HEARTBEAT + node->board.address, 1, &data);
+                node->guard_toggle = !node->guard_toggle;
+                node->guarded = true;
+                node->guard_lost = false;
+                node->guard_ns = node->board.boards->now_ns;
+                cia402_emcy_resolve_communication(node);
+            }
             boards_count_frame(boards, &node->board, BOARD_OBEYED, frame);
         }
         return node;

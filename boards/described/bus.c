@@ -260,47 +260,6 @@ static void described_board_receive(struct described_node *node, unsigned first,
     }
 }
 
-/* Obeys the frame of a group, which has one repetition per slot. Obeys valid repetitions and skips
- * invalid ones. If one repetition is invalid, the frame counts as invalid. */
-static void described_bus_receive_group(struct described_bus *bus, struct described_arrival *a)
-{
-    const struct described_frame *row = a->row;
-    const enum board_verdict whole = a->verdict;
-    enum board_verdict verdict = whole;
-    struct board *wrong = NULL;
-    unsigned first = a->number * row->repeats;
-    /* counts an incomplete last repetition of a malformed frame */
-    unsigned more = a->verdict == BOARD_OBEYED ? 0u : row->length - 1u;
-    unsigned count = (a->frame->len + more) / row->length;
-
-    /* Bytes after the last repetition are CAN FD padding */
-    count = count < row->repeats ? count : row->repeats;
-    for (unsigned k = 0; k < count && first + k < bus->slots; k++) {
-        struct described_node *node = bus->slot[first + k].node;
-
-        if (board_is_deaf(&node->board)) {
-            continue;
-        }
-        if (whole == BOARD_OBEYED) {
-            described_decode(row, a->frame, k, a->values);
-            a->verdict =
-                row->nconstant > 0 && !described_has_constants(row, a->frame, k) ? BOARD_UNKNOWN
-                : row->checked && !described_values_exist(bus_protocol(bus), a)  ? BOARD_MALFORMED
-                                                                                 : BOARD_OBEYED;
-        }
-        described_board_receive(node, bus->slot[first + k].axis, 1, a);
-        if (a->verdict != BOARD_OBEYED) {
-            verdict = a->verdict;
-            wrong = a->listener;
-        }
-    }
-    a->verdict = verdict;
-    a->listener = wrong ? wrong : a->listener;
-    if (count == 0 && first < bus->slots) {
-        a->listener = &bus->slot[first].node->board;
-    }
-}
-
 /* Receives a frame of the bus (struct protocol). */
 static void described_bus_receive(struct boards *boards, struct board_bus *of,
                                   const struct bus_frame *frame)
@@ -320,7 +279,44 @@ static void described_bus_receive(struct boards *boards, struct board_bus *of,
         a.verdict = BOARD_MALFORMED;
     }
     if (a.row->by == DESCRIBED_BY_GROUP) {
-        described_bus_receive_group(bus, &a);
+        /* The frame of a group has one repetition per slot. Obey valid repetitions and skip invalid
+         * ones. If one repetition is invalid, the frame counts as invalid. */
+        const struct described_frame *row = a.row;
+        const enum board_verdict whole = a.verdict;
+        enum board_verdict verdict = whole;
+        struct board *wrong = NULL;
+        unsigned first = a.number * row->repeats;
+        /* counts an incomplete last repetition of a malformed frame */
+        unsigned more = a.verdict == BOARD_OBEYED ? 0u : row->length - 1u;
+        unsigned count = (a.frame->len + more) / row->length;
+
+        /* Bytes after the last repetition are CAN FD padding */
+        count = count < row->repeats ? count : row->repeats;
+        for (unsigned k = 0; k < count && first + k < bus->slots; k++) {
+            struct described_node *node = bus->slot[first + k].node;
+
+            if (board_is_deaf(&node->board)) {
+                continue;
+            }
+            if (whole == BOARD_OBEYED) {
+                described_decode(row, a.frame, k, a.values);
+                a.verdict = row->nconstant > 0 && !described_has_constants(row, a.frame, k)
+                                ? BOARD_UNKNOWN
+                            : row->checked && !described_values_exist(bus_protocol(bus), &a)
+                                ? BOARD_MALFORMED
+                                : BOARD_OBEYED;
+            }
+            described_board_receive(node, bus->slot[first + k].axis, 1, &a);
+            if (a.verdict != BOARD_OBEYED) {
+                verdict = a.verdict;
+                wrong = a.listener;
+            }
+        }
+        a.verdict = verdict;
+        a.listener = wrong ? wrong : a.listener;
+        if (count == 0 && first < bus->slots) {
+            a.listener = &bus->slot[first].node->board;
+        }
     } else if (a.row->by == DESCRIBED_BY_SLOT) {
         const struct described_slot *slot = &bus->slot[a.number];
 

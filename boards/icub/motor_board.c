@@ -237,25 +237,6 @@ static int64_t motor_axis_clamp_position(const struct motor_axis *axis, int64_t 
                                                : position;
 }
 
-/* Obeys CALIBRATE_ENCODER. Returns false for any type but the absolute encoder. */
-static bool motor_axis_calibrate(struct board *board, struct motor_axis *axis,
-                                 const int64_t *request)
-{
-    if (request[0] != ICUB_CALIBRATE_ABSOLUTE) {
-        return false;
-    }
-    if (request[2] == 0) {
-        motor_board_print(board, "invalid calib p2");
-        motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
-    } else if (axis->base.mode != ICUB_MODE_HARDWARE_FAULT &&
-               motor_axis_is_owed_nothing(board, axis, true)) {
-        motor_axis_set_mode(board, axis, ICUB_MODE_CALIBRATION);
-        axis->calibration_zero = (int32_t)request[3];
-        axis->calibrated_ns = board->boards->now_ns + (int64_t)CALIBRATION_MS * MS;
-    }
-    return true;
-}
-
 /* Answers a query about the state of an axis. Returns false for any other command. */
 static bool motor_axis_answer(const struct board *board, const struct motor_axis *axis,
                               unsigned code, int64_t *reply)
@@ -313,7 +294,21 @@ static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigne
     switch (code) {
     /* Mode and calibration */
     case ICUB_CALIBRATE_ENCODER:
-        return motor_axis_calibrate(board, axis, request);
+        /* Refuse any type but the absolute encoder */
+        if (request[0] != ICUB_CALIBRATE_ABSOLUTE) {
+            return false;
+        }
+        if (request[2] == 0) {
+            motor_board_print(board, "invalid calib p2");
+            motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
+        } else if (axis->base.mode != ICUB_MODE_HARDWARE_FAULT &&
+                   motor_axis_is_owed_nothing(board, axis, true)) {
+            motor_axis_set_mode(board, axis, ICUB_MODE_CALIBRATION);
+            axis->calibration_zero = (int32_t)request[3];
+            axis->calibrated_ns = board->boards->now_ns + (int64_t)CALIBRATION_MS * MS;
+        }
+        return true;
+
     case ICUB_SET_CONTROL_MODE:
         return motor_axis_command_mode(board, axis, request[0]);
 
@@ -519,35 +514,6 @@ void motor_board_print(struct board *board, const char *text)
 
 /* ---- power-up ---- */
 
-/* Fills the parameters of an axis at power-up. Gains are 0; the rig gives the limits. */
-static void motor_axis_set_defaults(struct motor_axis *axis, const struct board_axis_config *config)
-{
-    int64_t *p = axis->parameter;
-    int32_t limit = 0;
-
-    memset(p, 0, sizeof axis->parameter);
-    p[ICUB_P_POSITION_LIMIT] = p[ICUB_P_TORQUE_LIMIT] = ICUB_PWM_FULL_SCALE;
-    p[ICUB_P_POSITION_INTEGRAL_LIMIT] = p[ICUB_P_TORQUE_INTEGRAL_LIMIT] = INT16_MAX;
-    p[ICUB_P_PWM_LIMIT] = ICUB_PWM_FULL_SCALE;
-    p[ICUB_P_MAX_VELOCITY] = INT16_MAX;
-    p[ICUB_P_VELOCITY_SHIFT] = 4;
-    p[ICUB_P_VELOCITY_TIMEOUT] = 2000;
-    p[ICUB_P_JOINT_SPEED_SHIFT] = p[ICUB_P_JOINT_ACCELERATION_SHIFT] = 5;
-    p[ICUB_P_MOTOR_SPEED_SHIFT] = p[ICUB_P_MOTOR_ACCELERATION_SHIFT] = 5;
-    if (config->joint < 0) {
-        return;
-    }
-    /* Round the limits of the rig outward to ticks */
-    control_quantize(floor(config->lower_rad * config->joint_ticks_per_rad), &limit);
-    p[ICUB_P_MIN_POSITION] = limit;
-    control_quantize(ceil(config->upper_rad * config->joint_ticks_per_rad), &limit);
-    p[ICUB_P_MAX_POSITION] = limit;
-    control_quantize(config->current_limit_a * 1e3, &limit);
-    p[ICUB_P_CURRENT_LIMIT] = limit;
-    control_quantize(config->temperature_limit_c / ICUB_TEMPERATURE_C, &limit);
-    p[ICUB_P_TEMPERATURE_LIMIT] = control_clamp(limit, 0, INT16_MAX);
-}
-
 /* Resets board and axes (struct board_ops). */
 static void motor_board_power_up(struct board *board)
 {
@@ -556,7 +522,32 @@ static void motor_board_power_up(struct board *board)
     for (int i = 0; i < MOTOR_AXES; i++) {
         struct motor_axis *axis = &motor->axis[i];
 
-        motor_axis_set_defaults(axis, &board->config.axis[i]);
+        /* Fill the parameters of an axis at power-up. Gains are 0; the rig gives the limits. */
+        const struct board_axis_config *config = &board->config.axis[i];
+        int64_t *p = axis->parameter;
+        int32_t limit = 0;
+
+        memset(p, 0, sizeof axis->parameter);
+        p[ICUB_P_POSITION_LIMIT] = p[ICUB_P_TORQUE_LIMIT] = ICUB_PWM_FULL_SCALE;
+        p[ICUB_P_POSITION_INTEGRAL_LIMIT] = p[ICUB_P_TORQUE_INTEGRAL_LIMIT] = INT16_MAX;
+        p[ICUB_P_PWM_LIMIT] = ICUB_PWM_FULL_SCALE;
+        p[ICUB_P_MAX_VELOCITY] = INT16_MAX;
+        p[ICUB_P_VELOCITY_SHIFT] = 4;
+        p[ICUB_P_VELOCITY_TIMEOUT] = 2000;
+        p[ICUB_P_JOINT_SPEED_SHIFT] = p[ICUB_P_JOINT_ACCELERATION_SHIFT] = 5;
+        p[ICUB_P_MOTOR_SPEED_SHIFT] = p[ICUB_P_MOTOR_ACCELERATION_SHIFT] = 5;
+        if (config->joint >= 0) {
+            /* Round the limits of the rig outward to ticks */
+            control_quantize(floor(config->lower_rad * config->joint_ticks_per_rad), &limit);
+            p[ICUB_P_MIN_POSITION] = limit;
+            control_quantize(ceil(config->upper_rad * config->joint_ticks_per_rad), &limit);
+            p[ICUB_P_MAX_POSITION] = limit;
+            control_quantize(config->current_limit_a * 1e3, &limit);
+            p[ICUB_P_CURRENT_LIMIT] = limit;
+            control_quantize(config->temperature_limit_c / ICUB_TEMPERATURE_C, &limit);
+            p[ICUB_P_TEMPERATURE_LIMIT] = control_clamp(limit, 0, INT16_MAX);
+        }
+
         if (!motor->powered) {
             memcpy(axis->saved, axis->parameter, sizeof axis->saved);
         }

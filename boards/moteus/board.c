@@ -258,34 +258,6 @@ static void moteus_sample(struct board *board, const struct plant_sensors *senso
 
 /* ---- faults ---- */
 
-/* Checks supply, encoder, temperature and the age of the command. Called once a tick. */
-static void moteus_watch(struct board *board)
-{
-    struct moteus_board *moteus = moteus_board_of(board);
-    double hottest_c = board->config.axis[0].temperature_limit_c;
-    enum moteus_mode mode = moteus_mode(moteus);
-    uint32_t now = axis_find_faults(board, &moteus->axis, board->config.axis[0].current_limit_a);
-
-    if (mode == MOTEUS_STOPPED || mode == MOTEUS_FAULT) {
-        return;
-    }
-    if (now & AXIS_OVER_VOLTAGE) {
-        moteus_raise_fault(board, MOTEUS_OVER_VOLTAGE);
-    } else if (moteus->axis.supply_v < SUPPLY_MIN_V) {
-        moteus_raise_fault(board, MOTEUS_UNDER_VOLTAGE);
-    } else if (moteus->axis.bad_motor || moteus->axis.bad_link) {
-        moteus_raise_fault(board, MOTEUS_ENCODER);
-    } else if (hottest_c > 0.0 && moteus->value[MOTEUS_R_MOTOR_TEMPERATURE] > hottest_c) {
-        board->boards->counters.trips++;
-        moteus_raise_fault(board, MOTEUS_OVER_TEMPERATURE);
-    } else if ((mode == MOTEUS_POSITION || mode == MOTEUS_STAY_WITHIN) &&
-               moteus->timeout_s <= 0.0) {
-        board->boards->counters.timeouts++;
-        board_event(board, BOARD_EVENT_TIMEOUT, 0, mode, 0);
-        moteus_set_mode(board, MOTEUS_TIMEOUT);
-    }
-}
-
 /* ---- control laws, once a millisecond ---- */
 
 /* Clamps a value to +-limit. A limit of NaN does not apply. If the limit is active, stores `code`
@@ -438,7 +410,31 @@ static void moteus_control(struct board *board, struct ms_span span)
         moteus->timeout_s =
             fmax(moteus->timeout_s - STEP_S, isnan(moteus->timeout_s) ? (double)NAN : 0.0);
         moteus_approach_mode(board);
-        moteus_watch(board);
+
+        /* Check supply, encoder, temperature and the age of the command */
+        double hottest_c = board->config.axis[0].temperature_limit_c;
+        enum moteus_mode mode = moteus_mode(moteus);
+        uint32_t now =
+            axis_find_faults(board, &moteus->axis, board->config.axis[0].current_limit_a);
+
+        if (mode != MOTEUS_STOPPED && mode != MOTEUS_FAULT) {
+            if (now & AXIS_OVER_VOLTAGE) {
+                moteus_raise_fault(board, MOTEUS_OVER_VOLTAGE);
+            } else if (moteus->axis.supply_v < SUPPLY_MIN_V) {
+                moteus_raise_fault(board, MOTEUS_UNDER_VOLTAGE);
+            } else if (moteus->axis.bad_motor || moteus->axis.bad_link) {
+                moteus_raise_fault(board, MOTEUS_ENCODER);
+            } else if (hottest_c > 0.0 && moteus->value[MOTEUS_R_MOTOR_TEMPERATURE] > hottest_c) {
+                board->boards->counters.trips++;
+                moteus_raise_fault(board, MOTEUS_OVER_TEMPERATURE);
+            } else if ((mode == MOTEUS_POSITION || mode == MOTEUS_STAY_WITHIN) &&
+                       moteus->timeout_s <= 0.0) {
+                board->boards->counters.timeouts++;
+                board_event(board, BOARD_EVENT_TIMEOUT, 0, mode, 0);
+                moteus_set_mode(board, MOTEUS_TIMEOUT);
+            }
+        }
+
         if (moteus_mode(moteus) != MOTEUS_FAULT) {
             moteus->value[MOTEUS_R_FAULT] = MOTEUS_NO_FAULT;
         }
