@@ -329,23 +329,6 @@ static bool candump_parse_data(struct candump_cursor *cursor, struct bus_frame *
     return true;
 }
 
-/* Consumes the fields that `candump -x` prints before the identifier: "RX" or "TX", then the FD
- * flags 'B' and 'E', or '-'. */
-static void candump_take_direction(struct candump_cursor *cursor, uint8_t *flags)
-{
-    candump_skip_spaces(cursor);
-    if (!candump_take(cursor, "RX ") && !candump_take(cursor, "TX ")) {
-        return;
-    }
-    candump_skip_spaces(cursor);
-    *flags |= candump_take(cursor, "B ") ? FRAME_BRS : 0;
-    candump_take(cursor, "- ");
-    candump_skip_spaces(cursor);
-    *flags |= candump_take(cursor, "E ") ? FRAME_ESI : 0;
-    candump_take(cursor, "- ");
-    candump_skip_spaces(cursor);
-}
-
 /* Parses a whole line, with or without its newline; false = the cursor has the error. Skips text
  * after the frame and a space, such as a direction, ERRORFRAME, or the data as characters. */
 static bool candump_parse_line(struct candump_cursor *cursor, struct bus_frame *frame, char bus[16])
@@ -362,7 +345,20 @@ static bool candump_parse_line(struct candump_cursor *cursor, struct bus_frame *
     if (!candump_parse_time(cursor, &frame->time_ns) || !candump_parse_name(cursor, bus)) {
         return false;
     }
-    candump_take_direction(cursor, &rates);
+
+    /* Consume the fields that `candump -x` prints before the identifier: "RX" or "TX", then the FD
+     * flags 'B' and 'E', or '-' */
+    candump_skip_spaces(cursor);
+    if (candump_take(cursor, "RX ") || candump_take(cursor, "TX ")) {
+        candump_skip_spaces(cursor);
+        rates |= candump_take(cursor, "B ") ? FRAME_BRS : 0;
+        candump_take(cursor, "- ");
+        candump_skip_spaces(cursor);
+        rates |= candump_take(cursor, "E ") ? FRAME_ESI : 0;
+        candump_take(cursor, "- ");
+        candump_skip_spaces(cursor);
+    }
+
     if (!candump_parse_id(cursor, frame) ||
         !(candump_take(cursor, "#") ? candump_parse_data(cursor, frame)
                                     : candump_parse_printed(cursor, frame))) {

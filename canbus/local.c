@@ -285,44 +285,6 @@ static struct bus_frame local_make_state_frame(enum wire_state before,
     return frame;
 }
 
-/* Records a controller's new state; its port gets an error frame when that changes the port's
- * state. */
-static void local_report_state(struct local_bus *bus, const struct wire_event *event)
-{
-    const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
-    struct local_node *owner = NULL; /* of the controller */
-    struct wire_event shown = *event;
-    enum wire_state before;
-    struct bus_frame frame;
-
-    bus->state[event->node] = event->state;
-    for (size_t i = 0; i < nodes && !owner; i++) {
-        owner = bus->nodes[i].controller_mask >> event->node & 1 ? &bus->nodes[i] : NULL;
-    }
-    if (!owner) {
-        return;
-    }
-    before = owner->shown;
-
-    /* The state of a port: the worst of its controllers on the bus, bus-off if none is */
-    enum wire_state worst = WIRE_ERROR_ACTIVE;
-    size_t off = 0;
-
-    for (size_t i = 0; i < owner->controllers; i++) {
-        enum wire_state state = bus->state[owner->first_controller + i];
-
-        off += state == WIRE_BUS_OFF;
-        worst = state != WIRE_BUS_OFF && state > worst ? state : worst;
-    }
-    shown.state = off == owner->controllers ? WIRE_BUS_OFF : worst;
-
-    if (shown.state != before) {
-        owner->shown = shown.state;
-        frame = local_make_state_frame(before, &shown);
-        local_deliver_from_wire(bus, owner->index, &frame);
-    }
-}
-
 /* Handles an event of the wire: a frame to deliver, or a controller that has changed its state. */
 static void local_receive_wire_event(void *context, const struct wire_event *event)
 {
@@ -349,7 +311,39 @@ static void local_receive_wire_event(void *context, const struct wire_event *eve
             bus->tap(bus->tap_context, event->frame);
         }
     } else if (event->kind == WIRE_STATUS && event->node < bus->controllers) {
-        local_report_state(bus, event);
+        /* Record a controller's new state; its port gets an error frame when that changes the
+         * port's state */
+        const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
+        struct local_node *owner = NULL; /* of the controller */
+        struct wire_event shown = *event;
+        enum wire_state before;
+        struct bus_frame frame;
+
+        bus->state[event->node] = event->state;
+        for (size_t i = 0; i < nodes && !owner; i++) {
+            owner = bus->nodes[i].controller_mask >> event->node & 1 ? &bus->nodes[i] : NULL;
+        }
+        if (owner) {
+            before = owner->shown;
+
+            /* The state of a port: the worst of its controllers on the bus, bus-off if none is */
+            enum wire_state worst = WIRE_ERROR_ACTIVE;
+            size_t off = 0;
+
+            for (size_t i = 0; i < owner->controllers; i++) {
+                enum wire_state state = bus->state[owner->first_controller + i];
+
+                off += state == WIRE_BUS_OFF;
+                worst = state != WIRE_BUS_OFF && state > worst ? state : worst;
+            }
+            shown.state = off == owner->controllers ? WIRE_BUS_OFF : worst;
+
+            if (shown.state != before) {
+                owner->shown = shown.state;
+                frame = local_make_state_frame(before, &shown);
+                local_deliver_from_wire(bus, owner->index, &frame);
+            }
+        }
     }
 }
 

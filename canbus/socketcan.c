@@ -477,22 +477,6 @@ static void socketcan_query_overflow(struct socketcan *can, bool full_batch)
     can->full_batch = full_batch;
 }
 
-/* Updates the state from another thread's query of the controller. */
-static void socketcan_update_state(struct socketcan *can)
-{
-    const uint32_t post =
-        can->controller ? atomic_load_explicit(&can->controller->post, memory_order_relaxed) : 0;
-    const enum can_port_state state = (enum can_port_state)(post & 0xff);
-
-    if (post == can->post) {
-        return;
-    }
-    can->post = post;
-    if (can->port.state != CAN_PORT_STUCK || state == CAN_PORT_BUS_OFF) {
-        can->port.state = state;
-    }
-}
-
 /* Receives all waiting frames, at most max; returns how many. */
 static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
@@ -504,7 +488,19 @@ static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames,
         socketcan_find_interface(can);
     }
     if (!socketcan_is_lost(port)) {
-        socketcan_update_state(can);
+        /* Update the state from another thread's query of the controller */
+        const uint32_t post =
+            can->controller ? atomic_load_explicit(&can->controller->post, memory_order_relaxed)
+                            : 0;
+        const enum can_port_state state = (enum can_port_state)(post & 0xff);
+
+        if (post != can->post) {
+            can->post = post;
+            if (can->port.state != CAN_PORT_STUCK || state == CAN_PORT_BUS_OFF) {
+                can->port.state = state;
+            }
+        }
+
         socketcan_send_held(can);
     }
 
@@ -680,45 +676,6 @@ static enum error_code socketcan_make_filters(struct socketcan *can,
     return ERROR_NONE;
 }
 
-/* Sets the options of the socket: error frames, FD, own frames, drop counter, time stamps,
- * buffer. */
-static enum error_code socketcan_set_options(int socket, const struct socketcan_config *config,
-                                             struct error *error)
-{
-    static const can_err_mask_t errors = CAN_ERR_MASK;
-    static const int on = 1;
-    const int bytes =
-        config->receive_buffer_bytes ? config->receive_buffer_bytes : RECEIVE_BUFFER_DEFAULT;
-    const struct {
-        bool wanted;
-        int level, option;
-        const void *value;
-        socklen_t size;
-        const char *what;
-    } option[] = {
-        {true, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors, "the error filter"},
-        {config->fd, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on, "FD frames"},
-        {config->receive_own, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on,
-         "reception of own frames"},
-        {true, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on, "the drop counter"},
-        {true, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on, "time stamps"},
-    };
-
-    for (size_t i = 0; i < ARRAY_COUNT(option); i++) {
-        if (option[i].wanted && setsockopt(socket, option[i].level, option[i].option,
-                                           option[i].value, option[i].size)) {
-            return error_set_errno(error, errno, "cannot set %s of the CAN socket", option[i].what);
-        }
-    }
-    /* Enlarge the receive buffer; the default holds 278 frames. Exceed the system's limit if the
-     * process has the right. */
-    if (setsockopt(socket, SOL_SOCKET, SO_RCVBUFFORCE, &bytes, sizeof bytes) &&
-        setsockopt(socket, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes)) {
-        return error_set_errno(error, errno, "cannot set the receive buffer of the CAN socket");
-    }
-    return ERROR_NONE;
-}
-
 static int socketcan_open_socket(void)
 {
     return socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
@@ -760,10 +717,41 @@ static enum error_code socketcan_start(struct socketcan *can, const struct socke
     if (code) {
         return code;
     }
-    code = socketcan_set_options(can->socket, config, error);
-    if (code) {
-        return code;
+
+    /* Set the options of the socket: error frames, FD, own frames, drop counter, time stamps,
+     * buffer */
+    static const can_err_mask_t errors = CAN_ERR_MASK;
+    static const int on = 1;
+    const int bytes =
+        config->receive_buffer_bytes ? config->receive_buffer_bytes : RECEIVE_BUFFER_DEFAULT;
+    const struct {
+        bool wanted;
+        int level, option;
+        const void *value;
+        socklen_t size;
+        const char *what;
+    } option[] = {
+        {true, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors, "the error filter"},
+        {config->fd, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on, "FD frames"},
+        {config->receive_own, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on,
+         "reception of own frames"},
+        {true, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on, "the drop counter"},
+        {true, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on, "time stamps"},
+    };
+
+    for (size_t i = 0; i < ARRAY_COUNT(option); i++) {
+        if (option[i].wanted && setsockopt(can->socket, option[i].level, option[i].option,
+                                           option[i].value, option[i].size)) {
+            return error_set_errno(error, errno, "cannot set %s of the CAN socket", option[i].what);
+        }
     }
+    /* Enlarge the receive buffer; the default holds 278 frames. Exceed the system's limit if the
+     * process has the right. */
+    if (setsockopt(can->socket, SOL_SOCKET, SO_RCVBUFFORCE, &bytes, sizeof bytes) &&
+        setsockopt(can->socket, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes)) {
+        return error_set_errno(error, errno, "cannot set the receive buffer of the CAN socket");
+    }
+
     failure = socketcan_bind(can, info.index);
     return failure ? error_set_errno(error, failure, "cannot bind to %s", config->interface)
                    : ERROR_NONE;
