@@ -88,43 +88,6 @@ static double surfaces_distance(const struct broad_phase *broad, int i, int j, d
     return (balls > capsules ? balls : capsules) + slack;
 }
 
-/* Makes Verlet's list of candidate pairs, and stores the present poses of the surfaces. */
-static void list_make(struct broad_phase *broad)
-{
-    const struct broad_balls *now = &broad->ball, *then = &broad->then;
-
-    broad->ncandidate = 0;
-    for (size_t r = 0; r < broad->nrow; r++) {
-        const struct broad_row *row = &broad->row[r];
-        unsigned meets =
-            row->wanted & (row->plane ? row_meets_plane(now, row) : row_meets_ball(now, row));
-
-        for (; meets; meets &= meets - 1) {
-            const int lane = __builtin_ctz(meets);
-            struct broad_candidate *c = &broad->candidate[broad->ncandidate];
-
-            /* Add a pair to the list if it is within the margin */
-            *c = (struct broad_candidate){.surface = row->surface,
-                                          .other = row->first + lane,
-                                          .pair = row->pair[lane],
-                                          .plane = row->plane,
-                                          .slack = row->slack[lane]};
-            c->gap = c->plane ? surface_height(broad, c->surface, c->other)
-                              : surfaces_distance(broad, c->surface, c->other, c->slack);
-            broad->ncandidate += c->gap < MARGIN;
-        }
-    }
-
-    /* Stores the poses for list_moved */
-    for (size_t s = 0; s < broad->nsurface; s++) {
-        then->x[s] = now->x[s];
-        then->y[s] = now->y[s];
-        then->z[s] = now->z[s];
-        broad->capsule_then[s] = broad->capsule[s];
-    }
-    broad->found = broad->keeps;
-}
-
 /* Returns an upper bound of the distance by which any two surfaces have approached since the list
  * was made, m. A point of a capsule moves at most as far as the center plus the relative motion of
  * an end of the axis. */
@@ -153,7 +116,40 @@ void broad_phase_find(struct broad_phase *broad, uint64_t *near)
     double moved = broad->found ? list_moved(broad) : MARGIN;
 
     if (!(moved < MARGIN)) {
-        list_make(broad);
+        /* Make Verlet's list of candidate pairs, and store the present poses of the surfaces */
+        const struct broad_balls *now = &broad->ball, *then = &broad->then;
+
+        broad->ncandidate = 0;
+        for (size_t r = 0; r < broad->nrow; r++) {
+            const struct broad_row *row = &broad->row[r];
+            unsigned meets =
+                row->wanted & (row->plane ? row_meets_plane(now, row) : row_meets_ball(now, row));
+
+            for (; meets; meets &= meets - 1) {
+                const int lane = __builtin_ctz(meets);
+                struct broad_candidate *c = &broad->candidate[broad->ncandidate];
+
+                /* Add a pair to the list if it is within the margin */
+                *c = (struct broad_candidate){.surface = row->surface,
+                                              .other = row->first + lane,
+                                              .pair = row->pair[lane],
+                                              .plane = row->plane,
+                                              .slack = row->slack[lane]};
+                c->gap = c->plane ? surface_height(broad, c->surface, c->other)
+                                  : surfaces_distance(broad, c->surface, c->other, c->slack);
+                broad->ncandidate += c->gap < MARGIN;
+            }
+        }
+
+        /* Stores the poses for list_moved */
+        for (size_t s = 0; s < broad->nsurface; s++) {
+            then->x[s] = now->x[s];
+            then->y[s] = now->y[s];
+            then->z[s] = now->z[s];
+            broad->capsule_then[s] = broad->capsule[s];
+        }
+        broad->found = broad->keeps;
+
         moved = 0;
     }
 

@@ -140,10 +140,16 @@ static void field_sum_normals(const struct field_builder *b, double (*sum)[9])
     }
 }
 
-/* Computes eigenvalues (diagonal of a) and eigenvectors (columns of v) of a symmetric matrix by
- * Jacobi rotations, until they no longer change. */
-static void matrix_find_eigen(double a[3][3], double v[3][3])
+/* Computes a vertex's spoke: the shortest vector whose dot product with each adjacent normal is
+ * -1, in the least-squares sense. */
+static void spoke_from_normals(const double sum[9], double spoke[3])
 {
+    double a[3][3] = {{sum[0], sum[3], sum[4]}, {sum[3], sum[1], sum[5]}, {sum[4], sum[5], sum[2]}};
+    const double whole = sum[0] + sum[1] + sum[2];
+    double v[3][3];
+
+    /* Compute eigenvalues (diagonal of a) and eigenvectors (columns of v) of a symmetric matrix by
+     * Jacobi rotations, until they no longer change */
     bool changes = true;
 
     memset(v, 0, 9 * sizeof **v);
@@ -180,17 +186,7 @@ static void matrix_find_eigen(double a[3][3], double v[3][3])
         changes = before[0] != a[0][0] || before[1] != a[1][1] || before[2] != a[2][2] ||
                   memcmp(axes, v, sizeof axes) != 0;
     }
-}
 
-/* Computes a vertex's spoke: the shortest vector whose dot product with each adjacent normal is
- * -1, in the least-squares sense. */
-static void spoke_from_normals(const double sum[9], double spoke[3])
-{
-    double a[3][3] = {{sum[0], sum[3], sum[4]}, {sum[3], sum[1], sum[5]}, {sum[4], sum[5], sum[2]}};
-    const double whole = sum[0] + sum[1] + sum[2];
-    double v[3][3];
-
-    matrix_find_eigen(a, v);
     spoke[0] = spoke[1] = spoke[2] = 0;
     for (int i = 0; i < 3; i++) {
         double part = 0;

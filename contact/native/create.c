@@ -181,44 +181,6 @@ static bool surface_meets_mesh(const struct contact_config *config, size_t index
     return false;
 }
 
-/* Computes bounding ball and capsule about the middle of a mesh's box; the capsule is along the
- * longest side. */
-static void surface_bound_mesh(const struct mesh *mesh, struct native_surface *s)
-{
-    const struct box *box = &s->solid->box;
-    double middle[3], side[3], half, next = 0;
-    int longest = 0;
-
-    for (int k = 0; k < 3; k++) {
-        middle[k] = (box->low[k] + box->high[k]) / 2;
-        side[k] = (box->high[k] - box->low[k]) / 2;
-        longest = side[k] > side[longest] ? k : longest;
-    }
-    for (int k = 0; k < 3; k++) {
-        next = k != longest && side[k] > next ? side[k] : next;
-    }
-    half = side[longest] - next;
-
-    /* Largest distance of a vertex from the middle (ball) and from the axis (capsule) */
-    s->reach = s->about.radius = 0;
-    for (size_t v = 0; v < mesh->nvertex; v++) {
-        double to[3], along;
-
-        vec3_sub(mesh->vertex[v], middle, to);
-        s->reach = fmax(s->reach, vec3_norm(to));
-        along = fmin(half, fmax(-half, to[longest]));
-        to[longest] -= along;
-        s->about.radius = fmax(s->about.radius, vec3_norm(to));
-    }
-
-    /* In the body's frame */
-    mat3_apply(s->rotation, middle, s->center);
-    vec3_add_scaled(s->center, 1, s->position, s->center);
-    for (int k = 0; k < 3; k++) {
-        s->about.half[k] = half * s->rotation[3 * k + longest];
-    }
-}
-
 /* Prepares the solid of a box, a mesh or a capsule, and its bounding volumes. */
 static enum error_code surface_make_solid(const struct contact_config *config, size_t index,
                                           struct arena *arena, struct native_surface *surface,
@@ -256,7 +218,41 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
         }
     }
 
-    surface_bound_mesh(mesh, s);
+    /* Compute bounding ball and capsule about the middle of a mesh's box; the capsule is along the
+     * longest side */
+    const struct box *box = &s->solid->box;
+    double middle[3], side[3], half, next = 0;
+    int longest = 0;
+
+    for (int k = 0; k < 3; k++) {
+        middle[k] = (box->low[k] + box->high[k]) / 2;
+        side[k] = (box->high[k] - box->low[k]) / 2;
+        longest = side[k] > side[longest] ? k : longest;
+    }
+    for (int k = 0; k < 3; k++) {
+        next = k != longest && side[k] > next ? side[k] : next;
+    }
+    half = side[longest] - next;
+
+    /* Largest distance of a vertex from the middle (ball) and from the axis (capsule) */
+    s->reach = s->about.radius = 0;
+    for (size_t v = 0; v < mesh->nvertex; v++) {
+        double to[3], along;
+
+        vec3_sub(mesh->vertex[v], middle, to);
+        s->reach = fmax(s->reach, vec3_norm(to));
+        along = fmin(half, fmax(-half, to[longest]));
+        to[longest] -= along;
+        s->about.radius = fmax(s->about.radius, vec3_norm(to));
+    }
+
+    /* In the body's frame */
+    mat3_apply(s->rotation, middle, s->center);
+    vec3_add_scaled(s->center, 1, s->position, s->center);
+    for (int k = 0; k < 3; k++) {
+        s->about.half[k] = half * s->rotation[3 * k + longest];
+    }
+
     return ERROR_NONE;
 }
 

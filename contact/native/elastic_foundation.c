@@ -325,49 +325,6 @@ static bool box_intersect(const struct box *a, const struct box *b, struct box *
     return true;
 }
 
-/* Transforms facets of the second mesh into the first's frame. Selects facets that overlap the
- * common box and have a part of the box behind them. here, there: the box in the first's and in the
- * second's frame. Returns their number. */
-static size_t meshes_view_second(const struct foundation_between *m, const struct box *here,
-                                 const struct box *there)
-{
-    struct native_view *view = &m->pair->scratch->view;
-    int *list = m->pair->scratch->list[1];
-    size_t n = tree_collect(&m->second->facets, there, list, m->second->nfacet), count = 0;
-
-    for (size_t i = 0; i < n; i++) {
-        const struct facet *f = &m->second->facet[list[i]];
-        double normal[3], center[3];
-
-        /* Skips a facet with no part of the box behind it */
-        mat3_apply(m->pair->relative->R, f->normal, normal);
-        mat3_apply(m->pair->relative->R, f->center, center);
-        vec3_add_scaled(center, 1, m->pair->relative->p, center);
-        if (box_least(here, normal) >= vec3_dot(normal, center)) {
-            continue;
-        }
-
-        /* Stores the facet in the first's frame */
-        for (int k = 0; k < 3; k++) {
-            view->normal[k][count] = normal[k];
-            view->center[k][count] = center[k];
-        }
-        view->radius[count] = f->radius;
-        view->ring[count] = -1;
-        list[count++] = list[i];
-    }
-
-    /* Padding has zero normals, which face nothing */
-    for (size_t i = count; i % LANES; i++) {
-        for (int k = 0; k < 3; k++) {
-            view->normal[k][i] = view->center[k][i] = 0;
-        }
-        view->radius[i] = 0;
-    }
-    view->ncorner = 0;
-    return count;
-}
-
 /* Returns the corners of a facet of the second mesh in the first's frame. Transforms them on first
  * use. */
 static const double (*view_facet_ring(const struct foundation_between *m, int i))[3]
@@ -498,7 +455,42 @@ void native_overlap_meshes(const struct native_overlap *o)
     m.fine = FINE * (first->radius < second->radius ? first->radius : second->radius);
 
     /* Each facet of the first mesh in the box against the view of the second */
-    nsecond = meshes_view_second(&m, &here, &there);
+    struct native_view *view = &m.pair->scratch->view;
+    int *list = m.pair->scratch->list[1];
+    size_t n = tree_collect(&m.second->facets, &there, list, m.second->nfacet), count = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        const struct facet *f = &m.second->facet[list[i]];
+        double normal[3], center[3];
+
+        /* Skips a facet with no part of the box behind it */
+        mat3_apply(m.pair->relative->R, f->normal, normal);
+        mat3_apply(m.pair->relative->R, f->center, center);
+        vec3_add_scaled(center, 1, m.pair->relative->p, center);
+        if (box_least(&here, normal) >= vec3_dot(normal, center)) {
+            continue;
+        }
+
+        /* Stores the facet in the first's frame */
+        for (int k = 0; k < 3; k++) {
+            view->normal[k][count] = normal[k];
+            view->center[k][count] = center[k];
+        }
+        view->radius[count] = f->radius;
+        view->ring[count] = -1;
+        list[count++] = list[i];
+    }
+
+    /* Padding has zero normals, which face nothing */
+    for (size_t i = count; i % LANES; i++) {
+        for (int k = 0; k < 3; k++) {
+            view->normal[k][i] = view->center[k][i] = 0;
+        }
+        view->radius[i] = 0;
+    }
+    view->ncorner = 0;
+    nsecond = count;
+
     while (nsecond > 0 && node != end) {
         if (!boxes_meet(&node->box, &here)) {
             node += node->size;

@@ -295,59 +295,53 @@ static void tangent_add_bristles(const struct resistance *by, bool one_way,
     tangent_take_along(by, by->slide, tangent->slide_D);
 }
 
-/* Adds the springs of the current pair to the tangent, RESISTANCE_MAX at a time: normal stiffness
- * and damping by moments if all push one way, else row by row; then friction. */
-static void law_add_tangents(const struct native_batch *b, const struct native_law *law,
-                             const struct native_relative *relative, const struct native_sum *sum)
-{
-    struct resistance by;
-    struct moments friction;
-    double direction[3] = {0, 0, 0};
-
-    for (size_t start = b->start; start < b->n; start += RESISTANCE_MAX) {
-        law_find_resistance(b, start, law, relative, sum, &by);
-        if (sum->one_way) {
-            const double d[3] = {b->d[0][start], b->d[1][start], b->d[2][start]};
-
-            mat3_apply(sum->turn, d, direction);
-            tangent_add_one_way(&by, direction, sum->tangent);
-        } else {
-            /* Compute each spring's direction in the world frame and the moment of a unit force
-             * along it about the tangent's center (m) */
-            for (size_t i = 0; i < by.n; i += LANES) {
-                lanes d[3], arm[3];
-
-                for (int k = 0; k < 3; k++) {
-                    d[k] = lanes_load(b->d[k] + start + i);
-                    arm[k] = lanes_load(by.arm[k] + i);
-                }
-                store_direction(sum->turn, d, arm, by.along, i);
-            }
-            tangent_add_row(&by, CONTACT_MOVE_X, sum->tangent);
-            tangent_add_row(&by, CONTACT_MOVE_Y, sum->tangent);
-            tangent_add_row(&by, CONTACT_MOVE_Z, sum->tangent);
-            tangent_add_row(&by, CONTACT_TURN_X, sum->tangent);
-            tangent_add_row(&by, CONTACT_TURN_Y, sum->tangent);
-            tangent_add_row(&by, CONTACT_TURN_Z, sum->tangent);
-        }
-
-        /* Adds the damping of regularized friction, or of springs that stick one by one.
-         * native_bristle_resist adds the damping of a patch that sticks as a whole */
-        if (!sum->sticking) {
-            find_moments(&by, by.friction, &friction);
-            tangent_add_across(1, &friction, sum->tangent->D);
-        } else if (sum->sticking->whole < 1) {
-            tangent_add_bristles(&by, sum->one_way, direction, sum->tangent);
-        }
-    }
-}
-
 void native_law_sum(struct native_batch *batch, const struct native_law *law,
                     const struct native_relative *relative, struct native_sum *sum)
 {
     batch_pad(batch);
     if (sum->tangent) {
-        law_add_tangents(batch, law, relative, sum);
+        /* Add the springs of the current pair to the tangent, RESISTANCE_MAX at a time: normal
+         * stiffness and damping by moments if all push one way, else row by row; then friction */
+        struct resistance by;
+        struct moments friction;
+        double direction[3] = {0, 0, 0};
+
+        for (size_t start = batch->start; start < batch->n; start += RESISTANCE_MAX) {
+            law_find_resistance(batch, start, law, relative, sum, &by);
+            if (sum->one_way) {
+                const double d[3] = {batch->d[0][start], batch->d[1][start], batch->d[2][start]};
+
+                mat3_apply(sum->turn, d, direction);
+                tangent_add_one_way(&by, direction, sum->tangent);
+            } else {
+                /* Compute each spring's direction in the world frame and the moment of a unit force
+                 * along it about the tangent's center (m) */
+                for (size_t i = 0; i < by.n; i += LANES) {
+                    lanes d[3], arm[3];
+
+                    for (int k = 0; k < 3; k++) {
+                        d[k] = lanes_load(batch->d[k] + start + i);
+                        arm[k] = lanes_load(by.arm[k] + i);
+                    }
+                    store_direction(sum->turn, d, arm, by.along, i);
+                }
+                tangent_add_row(&by, CONTACT_MOVE_X, sum->tangent);
+                tangent_add_row(&by, CONTACT_MOVE_Y, sum->tangent);
+                tangent_add_row(&by, CONTACT_MOVE_Z, sum->tangent);
+                tangent_add_row(&by, CONTACT_TURN_X, sum->tangent);
+                tangent_add_row(&by, CONTACT_TURN_Y, sum->tangent);
+                tangent_add_row(&by, CONTACT_TURN_Z, sum->tangent);
+            }
+
+            /* Adds the damping of regularized friction, or of springs that stick one by one.
+             * native_bristle_resist adds the damping of a patch that sticks as a whole */
+            if (!sum->sticking) {
+                find_moments(&by, by.friction, &friction);
+                tangent_add_across(1, &friction, sum->tangent->D);
+            } else if (sum->sticking->whole < 1) {
+                tangent_add_bristles(&by, sum->one_way, direction, sum->tangent);
+            }
+        }
     } else if (sum->gather && sum->one_way) {
         friction_sums_gather(batch, law, relative, sum);
     } else if (sum->gather) {
