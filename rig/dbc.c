@@ -350,42 +350,6 @@ static struct dbc_message *dbc_export_message(struct dbc_exporter *e, const stru
     return added;
 }
 
-/* Adds a command to the message of its class; once for each axis. */
-static void dbc_export_command(struct dbc_exporter *e, const struct message *message)
-{
-    int axes = message->axis_bit ? 2 : 1;
-    struct dbc_message *to = dbc_find_message(e->dbc, message->id);
-
-    if (!to) {
-        to = dbc_export_message(e, message);
-        if (!e->code) {
-            const struct dbc_signal signal = {
-                .name = "command",
-                .role = DBC_MULTIPLEXOR,
-                .bits = 8,
-                .scale = 1.0,
-                .max = 255.0,
-                .unit = "",
-                .receivers = dbc_message_receivers(e, message),
-            };
-            struct dbc_signal *added;
-
-            /* Add the signal of byte 0. Its value selects the other signals. */
-            e->code = dbc_add_signal(e->dbc, to, &signal, &added, e->error);
-        }
-    }
-    for (int axis = 0; axis < axes && !e->code; axis++) {
-        int command = message->code + axis * MESSAGE_AXIS_BIT;
-        char text[80];
-
-        snprintf(text, sizeof text, axes > 1 ? "%s_%d" : "%s", message->name, axis);
-        e->code = dbc_add_value(e->dbc, dbc_find_signal(to, "command"), command, text, e->error);
-        if (!e->code) {
-            dbc_export_fields(e, to, message, command);
-        }
-    }
-}
-
 /* Adds a message of the boards. Adds a command to the message of its class. */
 static bool dbc_visit_message(void *context, const struct message *message)
 {
@@ -399,7 +363,39 @@ static bool dbc_visit_message(void *context, const struct message *message)
         return true;
     }
     if (message->code != MESSAGE_NO_CODE) {
-        dbc_export_command(e, message);
+        /* Add a command to the message of its class; once for each axis */
+        int axes = message->axis_bit ? 2 : 1;
+        struct dbc_message *to = dbc_find_message(e->dbc, message->id);
+
+        if (!to) {
+            to = dbc_export_message(e, message);
+            if (!e->code) {
+                const struct dbc_signal signal = {
+                    .name = "command",
+                    .role = DBC_MULTIPLEXOR,
+                    .bits = 8,
+                    .scale = 1.0,
+                    .max = 255.0,
+                    .unit = "",
+                    .receivers = dbc_message_receivers(e, message),
+                };
+                struct dbc_signal *added;
+
+                /* Add the signal of byte 0. Its value selects the other signals. */
+                e->code = dbc_add_signal(e->dbc, to, &signal, &added, e->error);
+            }
+        }
+        for (int axis = 0; axis < axes && !e->code; axis++) {
+            int command = message->code + axis * MESSAGE_AXIS_BIT;
+            char text[80];
+
+            snprintf(text, sizeof text, axes > 1 ? "%s_%d" : "%s", message->name, axis);
+            e->code =
+                dbc_add_value(e->dbc, dbc_find_signal(to, "command"), command, text, e->error);
+            if (!e->code) {
+                dbc_export_fields(e, to, message, command);
+            }
+        }
     } else {
         struct dbc_message *added = dbc_export_message(e, message);
 
@@ -501,33 +497,6 @@ static void dbc_export_node(struct dbc_exporter *e, const char *name, const char
     }
 }
 
-/* Adds the host, the simulator and the boards of the bus. */
-static void dbc_export_nodes(struct dbc_exporter *e)
-{
-    const struct boards_config *boards = &e->rig->boards;
-
-    dbc_export_node(e, "host", "", "the controller");
-    if (!e->code) {
-        dbc_export_node(e, "simulator", "", "sends DONE with the lockstep clock");
-    }
-    for (size_t i = 0; i < boards->nboard && !e->code; i++) {
-        char name[NAME_SIZE], whole[LONG_SIZE], text[DBC_TEXT_MAX + 1];
-        unsigned number = (unsigned)boards->board[i].address;
-
-        if (boards->board[i].bus == (int)e->bus) {
-            /* Cut a name that is too long or not unique, and append the board's address */
-            dbc_clean_name(boards->board[i].name, whole);
-            snprintf(name, sizeof name, "%.32s", strlen(whole) > DBC_NAME_MAX ? "" : whole);
-            while (!dbc_is_name(name) || !strcmp(name, everyone) ||
-                   dbc_find_node(e->dbc, name) != DBC_NO_NODE) {
-                snprintf(name, sizeof name, "%.26s_%u", whole, number++ % 10000);
-            }
-            dbc_describe_board(e, &boards->board[i], text, sizeof text);
-            dbc_export_node(e, name, whole, text);
-        }
-    }
-}
-
 /* Sets the bit rates and the comment of the database. */
 static void dbc_describe_bus(struct dbc_exporter *e)
 {
@@ -562,7 +531,29 @@ enum error_code rig_dbc(const struct rig *rig, size_t bus, struct arena *arena, 
     }
     dbc_describe_bus(&e);
     if (!e.code) {
-        dbc_export_nodes(&e);
+        /* Add the host, the simulator and the boards of the bus */
+        const struct boards_config *boards = &e.rig->boards;
+
+        dbc_export_node(&e, "host", "", "the controller");
+        if (!e.code) {
+            dbc_export_node(&e, "simulator", "", "sends DONE with the lockstep clock");
+        }
+        for (size_t i = 0; i < boards->nboard && !e.code; i++) {
+            char name[NAME_SIZE], whole[LONG_SIZE], text[DBC_TEXT_MAX + 1];
+            unsigned number = (unsigned)boards->board[i].address;
+
+            if (boards->board[i].bus == (int)e.bus) {
+                /* Cut a name that is too long or not unique, and append the board's address */
+                dbc_clean_name(boards->board[i].name, whole);
+                snprintf(name, sizeof name, "%.32s", strlen(whole) > DBC_NAME_MAX ? "" : whole);
+                while (!dbc_is_name(name) || !strcmp(name, everyone) ||
+                       dbc_find_node(e.dbc, name) != DBC_NO_NODE) {
+                    snprintf(name, sizeof name, "%.26s_%u", whole, number++ % 10000);
+                }
+                dbc_describe_board(&e, &boards->board[i], text, sizeof text);
+                dbc_export_node(&e, name, whole, text);
+            }
+        }
     }
     if (!e.code) {
         /* Find the frame lengths, then add the messages with values, then the messages without
