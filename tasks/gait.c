@@ -333,24 +333,6 @@ static bool gait_phase_over(const struct gait *gait)
     return late >= 0 && (gait->landed || late * gait->config.lower_m_s >= gait->config.lower_m);
 }
 
-/* Updates the tilt of the footholds from soles that lie flat, with the time constant tilt_s. */
-static void gait_feel_ground(struct gait *gait, const struct gait_measured *measured, double dt_s)
-{
-    double share = dt_s / (gait->config.tilt_s + dt_s);
-
-    for (int i = 0; i < BODY_SIDES; i++) {
-        /* Only the foot that landed last can measure a new tilt */
-        bool new = gait->now.phase == GAIT_SWING
-                       ? i != gait->now.stance && gait->landed
-                       : gait->now.phase == GAIT_TRANSFER &&i == gait->now.stance;
-
-        if (new && measured->flat[i]) {
-            gait->now.foot[i].roll += share * (measured->foot[i].roll - gait->now.foot[i].roll);
-            gait->now.foot[i].pitch += share * (measured->foot[i].pitch - gait->now.foot[i].pitch);
-        }
-    }
-}
-
 /* Changes the present transfer so that it starts from this DCM. */
 static void gait_begin_at(struct gait *gait, const double dcm[2])
 {
@@ -663,7 +645,21 @@ void gait_update(struct gait *gait, const struct gait_command *command,
     /* Measure the ground, press a landed foot, and land or steer a foot in the air */
     now->progress = gait->duration_s > 0 ? fmin(gait->elapsed_s / gait->duration_s, 1) : 0;
 
-    gait_feel_ground(gait, measured, dt_s);
+    /* Update the tilt of the footholds from soles that lie flat, with the time constant tilt_s */
+    double share = dt_s / (gait->config.tilt_s + dt_s);
+
+    for (int i = 0; i < BODY_SIDES; i++) {
+        /* Only the foot that landed last can measure a new tilt */
+        bool new = gait->now.phase == GAIT_SWING
+                       ? i != gait->now.stance && gait->landed
+                       : gait->now.phase == GAIT_TRANSFER &&i == gait->now.stance;
+
+        if (new && measured->flat[i]) {
+            gait->now.foot[i].roll += share * (measured->foot[i].roll - gait->now.foot[i].roll);
+            gait->now.foot[i].pitch += share * (measured->foot[i].pitch - gait->now.foot[i].pitch);
+        }
+    }
+
     if (now->phase == GAIT_SWING && gait->landed) {
         /* Press a foot that landed early with a small force until the swing ends, so that it
          * neither bounces nor pushes the robot up */

@@ -197,34 +197,6 @@ static bool host_fail_missing(struct host *host, size_t bus, unsigned address)
     return true;
 }
 
-/* Sends discovery until all boards have answered; fails after DISCOVERY_TIMEOUT_NS. */
-static enum host_phase host_discover(struct host *host)
-{
-    /* Send at least one request, because boards need it even if they have already reported */
-    if (host->asked && host_every_node(host, host_node_found)) {
-        host_enter_phase(host, HOST_CONFIGURING);
-        return host->phase;
-    }
-
-    /* Repeat the request, because a booting board answers late */
-    if (!host->asked) {
-        host->phase_since_ns = host->now_ns;
-    }
-    if (!host->asked || host->now_ns - host->asked_ns >= DISCOVERY_REPEAT_NS) {
-        for (size_t b = 0; b < host->config.nbus; b++) {
-            host->line[b].ops->discover(host, b);
-        }
-        host->asked = true;
-        host->asked_ns = host->now_ns;
-    }
-
-    /* Report the first missing board */
-    if (host->now_ns - host->phase_since_ns > DISCOVERY_TIMEOUT_NS) {
-        host_every_node(host, host_fail_missing);
-    }
-    return host->phase;
-}
-
 /* Sends a board its requests in order, and repeats each until the board answers. Returns true if
  * all are answered. */
 static bool host_configure_node(struct host *host, size_t bus, unsigned address)
@@ -328,7 +300,30 @@ enum host_phase host_start_up(struct host *host)
 {
     switch (host->phase) {
     case HOST_DISCOVERING:
-        return host_discover(host);
+        /* Send at least one request, because boards need it even if they have already reported */
+        if (host->asked && host_every_node(host, host_node_found)) {
+            host_enter_phase(host, HOST_CONFIGURING);
+            return host->phase;
+        }
+
+        /* Repeat the request, because a booting board answers late */
+        if (!host->asked) {
+            host->phase_since_ns = host->now_ns;
+        }
+        if (!host->asked || host->now_ns - host->asked_ns >= DISCOVERY_REPEAT_NS) {
+            for (size_t b = 0; b < host->config.nbus; b++) {
+                host->line[b].ops->discover(host, b);
+            }
+            host->asked = true;
+            host->asked_ns = host->now_ns;
+        }
+
+        /* Report the first missing board */
+        if (host->now_ns - host->phase_since_ns > DISCOVERY_TIMEOUT_NS) {
+            host_every_node(host, host_fail_missing);
+        }
+        return host->phase;
+
     case HOST_CONFIGURING:
         if (host_every_node(host, host_configure_node) && host->phase == HOST_CONFIGURING) {
             host_enter_phase(host, HOST_ENABLING);
@@ -554,32 +549,6 @@ static void host_read_refusal(struct host *host, uint32_t tick)
     host->tick = tick;
 }
 
-/* Reads a DONE frame: the bus has finished its tick, has refused the STEP, or is stopping. */
-static void host_read_done(struct host *host, struct host_line *line, const struct bus_frame *frame)
-{
-    uint32_t tick;
-    uint16_t flags;
-
-    if (frame->len != LOCKSTEP_LENGTH) {
-        return;
-    }
-    flags = get_u16_le(frame->data + 4);
-    tick = get_u32_le(frame->data);
-    if (flags & LOCKSTEP_MISMATCH && tick != host->step_tick + 1) {
-        host_read_refusal(host, tick);
-    } else {
-        /* The simulator may refuse a copy of a STEP because the STEP has run and its DONE was
-         * lost */
-        line->done = true;
-        host->tick = tick;
-    }
-    if (flags & LOCKSTEP_STOPPING) {
-        host->phase = HOST_FAILED;
-        host->lost = true;
-        snprintf(host->message, sizeof host->message, "the simulator is stopping");
-    }
-}
-
 /* Returns whether the frame may come from a board of the bus. */
 static bool host_hears(const struct host_line *line, const struct bus_frame *frame)
 {
@@ -596,7 +565,25 @@ static void host_read_frame(struct host *host, size_t bus, const struct bus_fram
         return;
     }
     if (host->config.lockstep && frame_has_standard_id(frame, &host->config.done_id, 1)) {
-        host_read_done(host, line, frame);
+        /* Read a DONE frame: the bus has finished its tick, has refused the STEP, or is stopping */
+        if (frame->len == LOCKSTEP_LENGTH) {
+            uint16_t flags = get_u16_le(frame->data + 4);
+            uint32_t tick = get_u32_le(frame->data);
+
+            if (flags & LOCKSTEP_MISMATCH && tick != host->step_tick + 1) {
+                host_read_refusal(host, tick);
+            } else {
+                /* The simulator may refuse a copy of a STEP because the STEP has run and its DONE
+                 * was lost */
+                line->done = true;
+                host->tick = tick;
+            }
+            if (flags & LOCKSTEP_STOPPING) {
+                host->phase = HOST_FAILED;
+                host->lost = true;
+                snprintf(host->message, sizeof host->message, "the simulator is stopping");
+            }
+        }
     } else {
         line->frames_received++;
         line->ops->read(host, bus, frame);

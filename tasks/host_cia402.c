@@ -95,29 +95,6 @@ static void host_cia402_queue(struct host *host, size_t bus, uint32_t id, uint8_
     host_queue(host, bus, &frame);
 }
 
-/* Reads a heartbeat. A node that boots has lost its settings, and its motors are off. Starts a node
- * that waits for its start. */
-static void host_cia402_read_heartbeat(struct host *host, size_t bus, struct host_node *node,
-                                       const struct bus_frame *frame)
-{
-    if (host->phase <= HOST_CONFIGURING || frame->len != 1) {
-        return;
-    }
-    if (frame->data[0] == CIA402_PRE_OPERATIONAL) {
-        const uint8_t start[CIA402_NMT_LENGTH] = {CIA402_NMT_START,
-                                                  (uint8_t)(frame->id & NODE_ID_MASK)};
-
-        host_cia402_queue(host, bus, CIA402_NMT, sizeof start, start);
-    }
-    for (int k = 0; k < HOST_AXES && frame->data[0] == CIA402_BOOT_UP; k++) {
-        struct host_joint *joint = host_node_joint(host, node, k);
-
-        if (joint) {
-            joint->motor = HOST_MOTOR_OFF;
-        }
-    }
-}
-
 /* Reads an SDO answer: the device type in discovery, then the confirmation of each start-up
  * request. */
 static void host_cia402_read_sdo(struct host *host, size_t bus, struct host_node *node,
@@ -209,7 +186,23 @@ static void host_cia402_read_frame(struct host *host, size_t bus, const struct b
         host_cia402_read_sdo(host, bus, node, frame);
         break;
     case CIA402_HEARTBEAT:
-        host_cia402_read_heartbeat(host, bus, node, frame);
+        /* Read a heartbeat. A node that boots has lost its settings, and its motors are off. Start
+         * a node that waits for its start. */
+        if (host->phase > HOST_CONFIGURING && frame->len == 1) {
+            if (frame->data[0] == CIA402_PRE_OPERATIONAL) {
+                const uint8_t start[CIA402_NMT_LENGTH] = {CIA402_NMT_START,
+                                                          (uint8_t)(frame->id & NODE_ID_MASK)};
+
+                host_cia402_queue(host, bus, CIA402_NMT, sizeof start, start);
+            }
+            for (int k = 0; k < HOST_AXES && frame->data[0] == CIA402_BOOT_UP; k++) {
+                struct host_joint *joint = host_node_joint(host, node, k);
+
+                if (joint) {
+                    joint->motor = HOST_MOTOR_OFF;
+                }
+            }
+        }
         break;
     default:
         break;

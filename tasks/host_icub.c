@@ -302,38 +302,6 @@ static const uint32_t POLICY = 1u << (ICUB_POSITION - 1) | 1u << (ICUB_STATUS - 
 
 /* ---- receiving ---- */
 
-/* Reads a periodic message of a motor board; it has the values of both axes. */
-static void host_icub_read_periodic(struct host *host, const struct host_node *node,
-                                    const struct bus_frame *frame)
-{
-    unsigned type = frame->id & 0xf;
-
-    if (frame->len != 8) {
-        return;
-    }
-    for (int k = 0; k < 2; k++) {
-        struct host_joint *joint = host_node_joint(host, node, k);
-
-        if (!joint) {
-            continue;
-        }
-        if (type == ICUB_MOTOR_POSITION) {
-            joint->motor_rad = get_i32_le(frame->data + 4 * k) /
-                               host->config.axis[node->axis[k]].motor_ticks_per_rad;
-            joint->motor_time_ns = host->now_ns;
-        } else if (type == ICUB_POSITION) {
-            joint->joint_rad = get_i32_le(frame->data + 4 * k) /
-                               host->config.axis[node->axis[k]].joint_ticks_per_rad;
-            joint->joint_time_ns = host->now_ns;
-        } else if (type == ICUB_STATUS) {
-            joint->fault = frame->data[2 * k];
-            joint->motor = host_motor_of_mode(frame->data[2 * k + 1]);
-        } else if (type == ICUB_CURRENT) {
-            joint->current_a = get_i16_le(frame->data + 2 * k) * 1e-3;
-        }
-    }
-}
-
 /* Passes a frame to the reader of the frame's class (struct host_ops). */
 static void host_icub_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
@@ -377,7 +345,32 @@ static void host_icub_read_frame(struct host *host, size_t bus, const struct bus
             joint->motor = host_motor_of_mode(frame->data[0]);
         }
     } else if (cls == ICUB_PERIODIC_MOTOR) {
-        host_icub_read_periodic(host, node, frame);
+        /* Read a periodic message of a motor board; it has the values of both axes */
+        unsigned type = frame->id & 0xf;
+
+        if (frame->len == 8) {
+            for (int k = 0; k < 2; k++) {
+                struct host_joint *joint = host_node_joint(host, node, k);
+
+                if (!joint) {
+                    continue;
+                }
+                if (type == ICUB_MOTOR_POSITION) {
+                    joint->motor_rad = get_i32_le(frame->data + 4 * k) /
+                                       host->config.axis[node->axis[k]].motor_ticks_per_rad;
+                    joint->motor_time_ns = host->now_ns;
+                } else if (type == ICUB_POSITION) {
+                    joint->joint_rad = get_i32_le(frame->data + 4 * k) /
+                                       host->config.axis[node->axis[k]].joint_ticks_per_rad;
+                    joint->joint_time_ns = host->now_ns;
+                } else if (type == ICUB_STATUS) {
+                    joint->fault = frame->data[2 * k];
+                    joint->motor = host_motor_of_mode(frame->data[2 * k + 1]);
+                } else if (type == ICUB_CURRENT) {
+                    joint->current_a = get_i16_le(frame->data + 2 * k) * 1e-3;
+                }
+            }
+        }
     } else if (cls == ICUB_POLLING_MOTOR && (frame->id & 0xf) == ICUB_HOST && frame->len == 8 &&
                frame->data[0] == ICUB_GET_FIRMWARE_VERSION && frame->data[7] == 1) {
         node->answered = node->requested;

@@ -125,45 +125,6 @@ static void host_moteus_read(struct host *host, size_t bus, const struct bus_fra
 
 /* ---- sending ---- */
 
-/* Queues a motor's stop command, or its torque command. */
-static void host_moteus_command(struct host *host, size_t axis)
-{
-    const struct host_axis *of = &host->config.axis[axis];
-    double ampere = of->drive.winding_ohm > 0.0 ? host->volts[axis] / of->drive.winding_ohm : 0.0;
-    float torque = (float)(of->drive.torque_nm_a * ampere);
-    uint8_t stop[] = {MOTEUS_WRITE | MOTEUS_INT8 | 1, MOTEUS_R_MODE, MOTEUS_STOPPED};
-    uint8_t drive[] = {
-        MOTEUS_WRITE | MOTEUS_INT8 | 1,
-        MOTEUS_R_MODE,
-        MOTEUS_POSITION,
-        MOTEUS_WRITE | MOTEUS_INT8 | 1,
-        MOTEUS_R_POSITION_COMMAND,
-        0x80, /* from the present position */
-        MOTEUS_WRITE | MOTEUS_FLOAT | 1,
-        MOTEUS_R_FEEDFORWARD_TORQUE,
-        0,
-        0,
-        0,
-        0,
-        MOTEUS_WRITE | MOTEUS_INT8 | 1,
-        MOTEUS_R_KP_SCALE,
-        0,
-    };
-    uint32_t bits;
-
-    memcpy(&bits, &torque, sizeof bits);
-    put_u32_le(drive + 8, bits);
-
-    /* During the start-up, send a stop first, which clears a fault of an earlier run */
-    const struct bus_frame frame =
-        host->want[axis].on &&
-                !(host->phase == HOST_ENABLING && host->joint[axis].motor == HOST_MOTOR_FAULT)
-            ? moteus_query(of->address, drive, sizeof drive)
-            : moteus_query(of->address, stop, sizeof stop);
-
-    host_queue(host, (size_t)of->bus, &frame);
-}
-
 /* Queues a read for each controller of the rig (struct host_ops). */
 static void host_moteus_discover(struct host *host, size_t bus)
 {
@@ -193,7 +154,43 @@ static void host_moteus_end_period(struct host *host, size_t bus)
         if (host->config.axis[axis].bus == (int)bus &&
             (host->line[bus].driving || want->switch_off)) {
             want->switch_off = false;
-            host_moteus_command(host, axis);
+
+            /* Queue a motor's stop command, or its torque command */
+            const struct host_axis *of = &host->config.axis[axis];
+            double ampere =
+                of->drive.winding_ohm > 0.0 ? host->volts[axis] / of->drive.winding_ohm : 0.0;
+            float torque = (float)(of->drive.torque_nm_a * ampere);
+            uint8_t stop[] = {MOTEUS_WRITE | MOTEUS_INT8 | 1, MOTEUS_R_MODE, MOTEUS_STOPPED};
+            uint8_t drive[] = {
+                MOTEUS_WRITE | MOTEUS_INT8 | 1,
+                MOTEUS_R_MODE,
+                MOTEUS_POSITION,
+                MOTEUS_WRITE | MOTEUS_INT8 | 1,
+                MOTEUS_R_POSITION_COMMAND,
+                0x80, /* from the present position */
+                MOTEUS_WRITE | MOTEUS_FLOAT | 1,
+                MOTEUS_R_FEEDFORWARD_TORQUE,
+                0,
+                0,
+                0,
+                0,
+                MOTEUS_WRITE | MOTEUS_INT8 | 1,
+                MOTEUS_R_KP_SCALE,
+                0,
+            };
+            uint32_t bits;
+
+            memcpy(&bits, &torque, sizeof bits);
+            put_u32_le(drive + 8, bits);
+
+            /* During the start-up, send a stop first, which clears a fault of an earlier run */
+            const struct bus_frame frame =
+                host->want[axis].on && !(host->phase == HOST_ENABLING &&
+                                         host->joint[axis].motor == HOST_MOTOR_FAULT)
+                    ? moteus_query(of->address, drive, sizeof drive)
+                    : moteus_query(of->address, stop, sizeof stop);
+
+            host_queue(host, (size_t)of->bus, &frame);
         }
     }
 }

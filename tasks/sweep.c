@@ -175,26 +175,6 @@ static void sweep_measure(struct task *task, double t_s)
     }
 }
 
-/* Writes the final message, with the frequency of the largest torque response. */
-static void sweep_tell_end(struct task *task)
-{
-    const struct sweep *sweep = task->state;
-    const struct sweep_point *peak = &sweep->point[0];
-
-    for (size_t i = 1; i < sweep->npoint; i++) {
-        const struct sweep_point *point = &sweep->point[i];
-
-        if (point->response[SWEEP_TORQUE].magnitude > peak->response[SWEEP_TORQUE].magnitude) {
-            peak = point;
-        }
-    }
-    snprintf(task->message, sizeof task->message,
-             "joint %s: %zu frequencies, %.3g to %.3g Hz; most torque at %.3g Hz, %.3g N m/%s",
-             task->config.input.joint, sweep->npoint, sweep->point[0].frequency_hz,
-             sweep->point[sweep->npoint - 1].frequency_hz, peak->frequency_hz,
-             peak->response[SWEEP_TORQUE].magnitude, peak->by_angle ? "rad" : "V");
-}
-
 /* Runs one period: first the ramp into the pose, then one frequency after another. */
 static enum task_status sweep_step(struct task *task, double t_s)
 {
@@ -238,7 +218,24 @@ static enum task_status sweep_step(struct task *task, double t_s)
             }
         }
         if (sweep->npoint > 0 && (double)sweep->npoint >= task->value[SWEEP_POINTS]) {
-            sweep_tell_end(task);
+            /* Write the final message, with the frequency of the largest torque response */
+            const struct sweep_point *peak = &sweep->point[0];
+
+            for (size_t i = 1; i < sweep->npoint; i++) {
+                const struct sweep_point *point = &sweep->point[i];
+
+                if (point->response[SWEEP_TORQUE].magnitude >
+                    peak->response[SWEEP_TORQUE].magnitude) {
+                    peak = point;
+                }
+            }
+            snprintf(
+                task->message, sizeof task->message,
+                "joint %s: %zu frequencies, %.3g to %.3g Hz; most torque at %.3g Hz, %.3g N m/%s",
+                task->config.input.joint, sweep->npoint, sweep->point[0].frequency_hz,
+                sweep->point[sweep->npoint - 1].frequency_hz, peak->frequency_hz,
+                peak->response[SWEEP_TORQUE].magnitude, peak->by_angle ? "rad" : "V");
+
             return TASK_DONE;
         }
         if (!sweep_begin_point(task, t_s)) {
