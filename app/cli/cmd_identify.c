@@ -55,16 +55,17 @@ static size_t split_keys(char *text, const char *key[IDENTIFY_FREE_MAX + 1])
 }
 
 /* Prints the parameters, those that the data cannot determine, and the errors. */
-static void print_identified(const struct identify_bench *bench, const struct fit_problem *problem,
+static void print_identified(const struct fit_problem *problem,
                              const struct identify_result *result)
 {
+    const struct identify_bench *bench = problem->bench;
     const struct fit_result *fit = &result->fit;
     const char *unit = signal_kinds[fit->first].unit;
 
     for (size_t i = 0; i < problem->nfree; i++) {
         const char *group = problem->free[i].group;
 
-        printf("%-24s %12.6g +- %-9.2g %s%s%s\n", parameter_key(problem->free[i].parameter),
+        printf("%-24s %12.6g +- %-9.2g %s%s%s\n", parameters[problem->free[i].parameter].key,
                fit->value[i], fit->sigma[i], word_of(fit_verdict_words, (int)fit->verdict[i]),
                group ? ", group " : "", group ? group : "");
     }
@@ -72,8 +73,8 @@ static void print_identified(const struct identify_bench *bench, const struct fi
         for (size_t k = 0; k < i; k++) {
             if (fabs(fit->correlation[i][k]) > FIT_CORRELATED) {
                 printf("%s and %s are hardly told apart: correlation %.3f\n",
-                       parameter_key(problem->free[k].parameter),
-                       parameter_key(problem->free[i].parameter), fit->correlation[i][k]);
+                       parameters[problem->free[k].parameter].key,
+                       parameters[problem->free[i].parameter].key, fit->correlation[i][k]);
             }
         }
     }
@@ -82,7 +83,7 @@ static void print_identified(const struct identify_bench *bench, const struct fi
 
         printf("%s: mean error %.4f %s, %.4f before", r->file, result->fitted[i], unit,
                result->start[i]);
-        if (result->crossed[i] >= 0.0) {
+        if (!isnan(result->crossed[i])) {
             printf(", %.4f by the folds without it", result->crossed[i]);
         }
         for (size_t s = 0; s < SIGNALS; s++) {
@@ -146,14 +147,7 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
         return code;
     }
     terminal = isatty(STDERR_FILENO);
-    problem = (struct fit_problem){.rig = bench.rig,
-                                   .supply_v = bench.supply_v,
-                                   .trial = &bench.trial,
-                                   .law = &bench.bench.law,
-                                   .recording = bench.recording,
-                                   .nrecording = bench.nrecording,
-                                   .sigmas = &bench.bench.sigmas,
-                                   .robust_rad = bench.bench.robust_rad,
+    problem = (struct fit_problem){.bench = &bench,
                                    .steps = FIT_STEPS,
                                    .progress = show_progress,
                                    .context = &terminal,
@@ -164,15 +158,15 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
               NULL);
     /* Refuses a file that cannot be written before the fit, which may take long */
     code = o->output ? whole_file_probe(o->output, error) : ERROR_NONE;
-    code = code ? code : fit_prepare(&bench.bench, key, split_keys(keys, key), &problem, error);
-    code = code ? code : identify_run(&bench, &problem, o->cross, arena, &result, error);
+    code = code ? code : fit_prepare(&problem, key, split_keys(keys, key), error);
+    code = code ? code : identify_run(&problem, o->cross, arena, &result, error);
     if (terminal) {
         fputs("\r\033[K", stderr);
     }
     if (code) {
         return code;
     }
-    print_identified(&bench, &problem, &result);
+    print_identified(&problem, &result);
     *failed = interrupted || result.failure[0];
     if (result.failure[0]) {
         fprintf(stderr, "identify: error: %s; no drive file is written\n", result.failure);
@@ -180,10 +174,10 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
         fputs("identify: interrupted; the numbers are interim ones\n", stderr);
     }
     if (o->output && !result.failure[0]) {
-        code = identify_write_drive(&bench, &problem, &result, o->output, error);
+        code = identify_write_drive(&problem, &result, o->output, error);
     }
     if (!code && o->report) {
-        code = identify_write_page(&bench, &problem, &result, o->report, error);
+        code = identify_write_page(&problem, &result, o->report, error);
     }
     return code;
 }
@@ -259,7 +253,7 @@ static void print_validation(const struct validation *v)
     const char *unit = validation_unit(v);
     const int digits = v->is_share ? 1 : 4;
 
-    if (v->missing) {
+    if (v->bench.missing) {
         printf("%-6s %-20s %s\n", validation_verdict(v), bench->name, bench->obtain);
         return;
     }
@@ -295,45 +289,21 @@ static void print_validation(const struct validation *v)
     }
 }
 
-/* Lists the paths of the benches to run: the given ones, or all installed ones. */
-static enum error_code list_benches(const char *const *given, struct arena *arena,
-                                    const char ***path, size_t *count, struct error *error)
-{
-    struct config_entry *entry;
-    enum error_code code = ERROR_NONE;
-    char found[PATH_MAX];
-
-    *count = 0;
-    if (!given[0]) {
-        code = config_list(CONFIG_VALIDATION, arena, &entry, count, error);
-    }
-    while (!code && given[0] && given[*count]) {
-        ++*count;
-    }
-    *path = code ? NULL : arena_alloc(arena, *count + 1, sizeof **path);
-    if (!code && !*path) {
-        return error_set(error, ERROR_MEMORY, "no memory for benches");
-    }
-    for (size_t i = 0; i < *count && !code; i++) {
-        if (given[0]) {
-            code = config_locate(CONFIG_VALIDATION, given[i], found, error);
-            (*path)[i] = code ? NULL : arena_strdup(arena, found);
-        } else {
-            (*path)[i] = entry[i].path;
-        }
-    }
-    return code;
-}
-
-/* Runs all benches and writes the page. *failed is whether one has not passed. */
+/* Runs the given benches, or all installed ones, and writes the page. *failed is whether one has
+ * not passed. */
 static enum error_code validate_all(const struct validate_options *o, struct arena *arena,
                                     bool *failed, struct error *error)
 {
     struct validation *validation;
-    const char **path;
-    size_t count;
-    enum error_code code = list_benches(o->bench, arena, &path, &count, error);
+    struct config_entry *entry;
+    char path[PATH_MAX];
+    size_t count = 0;
+    enum error_code code =
+        o->bench[0] ? ERROR_NONE : config_list(CONFIG_VALIDATION, arena, &entry, &count, error);
 
+    while (o->bench[0] && o->bench[count] && !code) {
+        code = config_locate(CONFIG_VALIDATION, o->bench[count++], path, error);
+    }
     if (code) {
         return code;
     }
@@ -342,11 +312,15 @@ static enum error_code validate_all(const struct validate_options *o, struct are
         return error_set(error, ERROR_MEMORY, "no memory for benches");
     }
     for (size_t i = 0; i < count && !code; i++) {
-        code = validation_run(path[i], arena, &validation[i], error);
+        code =
+            o->bench[0] ? config_locate(CONFIG_VALIDATION, o->bench[i], path, error) : ERROR_NONE;
+        code =
+            code ? code
+                 : validation_run(o->bench[0] ? path : entry[i].path, arena, &validation[i], error);
         if (!code) {
             print_validation(&validation[i]);
             *failed |= strcmp(validation_verdict(&validation[i]), "passed") != 0 &&
-                       (o->bench[0] || !validation[i].missing);
+                       (o->bench[0] || !validation[i].bench.missing);
         }
     }
     return !code && o->report ? validation_write_page(validation, count, o->report, error) : code;

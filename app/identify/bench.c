@@ -18,23 +18,24 @@
 enum { RECORDING_BYTES_MAX = 1 << 28 };
 
 static const struct yaml_field column_fields[] = {
-    YAML_TEXT("time", false, bench_columns, time, 1, 1000),
-    YAML_TEXT("position", false, bench_columns, signal[SIGNAL_POSITION], 1, 1000),
-    YAML_TEXT("load_torque", false, bench_columns, signal[SIGNAL_LOAD_TORQUE], 1, 1000),
-    YAML_TEXT("deflection", false, bench_columns, signal[SIGNAL_DEFLECTION], 1, 1000),
-    YAML_TEXT("motor_position", false, bench_columns, signal[SIGNAL_MOTOR_POSITION], 1, 1000),
-    YAML_TEXT("current", false, bench_columns, signal[SIGNAL_CURRENT], 1, 1000),
-    YAML_TEXT("temperature", false, bench_columns, signal[SIGNAL_TEMPERATURE], 1, 1000),
-    YAML_TEXT("load", false, bench_columns, signal[SIGNAL_LOSS], 1, 1000),
-    YAML_TEXT("speed", false, bench_columns, speed, 1, 1000),
-    YAML_TEXT("supply_current", false, bench_columns, supply_current, 1, 1000),
-    YAML_TEXT("goal", false, bench_columns, goal, 1, 1000),
-    YAML_TEXT("voltage", false, bench_columns, voltage, 1, 1000),
-    YAML_TEXT("enabled", false, bench_columns, enabled, 1, 1000),
-    YAML_TEXT("supply", false, bench_columns, supply, 1, 1000),
+    YAML_TEXT("time", false, bench_columns, title[COLUMN_TIME], 1, 1000),
+    YAML_TEXT("position", false, bench_columns, title[SIGNAL_POSITION], 1, 1000),
+    YAML_TEXT("load_torque", false, bench_columns, title[SIGNAL_LOAD_TORQUE], 1, 1000),
+    YAML_TEXT("deflection", false, bench_columns, title[SIGNAL_DEFLECTION], 1, 1000),
+    YAML_TEXT("motor_position", false, bench_columns, title[SIGNAL_MOTOR_POSITION], 1, 1000),
+    YAML_TEXT("current", false, bench_columns, title[SIGNAL_CURRENT], 1, 1000),
+    YAML_TEXT("temperature", false, bench_columns, title[SIGNAL_TEMPERATURE], 1, 1000),
+    YAML_TEXT("load", false, bench_columns, title[SIGNAL_LOSS], 1, 1000),
+    YAML_TEXT("speed", false, bench_columns, title[COLUMN_SPEED], 1, 1000),
+    YAML_TEXT("supply_current", false, bench_columns, title[COLUMN_SUPPLY_CURRENT], 1, 1000),
+    YAML_TEXT("goal", false, bench_columns, title[COLUMN_GOAL], 1, 1000),
+    YAML_TEXT("voltage", false, bench_columns, title[COLUMN_COMMAND + COMMAND_VOLTAGE], 1, 1000),
+    YAML_TEXT("enabled", false, bench_columns, title[COLUMN_ENABLED], 1, 1000),
+    YAML_TEXT("supply", false, bench_columns, title[COLUMN_SUPPLY], 1, 1000),
     YAML_TEXT("gain", false, bench_columns, gain_word, 1, 1000),
-    YAML_TEXT("torque", false, bench_columns, torque, 1, 1000),
-    YAML_TEXT("set_current", false, bench_columns, set_current, 1, 1000),
+    YAML_TEXT("torque", false, bench_columns, title[COLUMN_COMMAND + COMMAND_TORQUE], 1, 1000),
+    YAML_TEXT("set_current", false, bench_columns, title[COLUMN_COMMAND + COMMAND_CURRENT], 1,
+              1000),
     {"voltage_before", YAML_BOOL, false, .offset = offsetof(struct bench_columns, voltage_before)},
 };
 static const struct yaml_schema column_schema =
@@ -86,12 +87,12 @@ static const struct yaml_schema free_schema = YAML_SCHEMA(
     "a free number", struct bench_free, free_fields, .alone = "key", .defaults = &free_defaults);
 
 static const struct yaml_field group_number_fields[] = {
-    YAML_TEXT("group", true, bench_group_number, group, 1, 1000),
-    YAML_TEXT("key", true, bench_group_number, key, 1, 1000),
-    YAML_NUMBER("value", true, bench_group_number, value, -1e9, 1e9),
+    YAML_TEXT("group", true, group_number, group, 1, 1000),
+    YAML_TEXT("key", true, group_number, key, 1, 1000),
+    YAML_NUMBER("value", true, group_number, value, -1e9, 1e9),
 };
-static const struct yaml_schema group_number_schema = YAML_SCHEMA(
-    "a number of a group of recordings", struct bench_group_number, group_number_fields);
+static const struct yaml_schema group_number_schema =
+    YAML_SCHEMA("a number of a group of recordings", struct group_number, group_number_fields);
 
 static const struct word zero_words[] = {{"mean", ZERO_MEAN}, {"start", ZERO_START}, {NULL, 0}};
 
@@ -225,15 +226,24 @@ static enum error_code check_points(const struct bench *bench, struct error *err
     return code;
 }
 
-/* Returns the number of signals that have a column. */
-static size_t recording_columns(const struct bench_columns *columns)
+/* Returns the number of columns from `first` up to `end` that a bench has. */
+static int count_columns(const struct bench_columns *columns, size_t first, size_t end)
 {
-    size_t count = 0;
+    int count = 0;
 
-    for (size_t i = 0; i < SIGNALS; i++) {
-        count += columns->signal[i] != NULL;
+    for (size_t i = first; i < end; i++) {
+        count += columns->title[i] != NULL;
     }
     return count;
+}
+
+enum command_kind bench_command(const struct bench_columns *columns)
+{
+    const char *const *title = columns->title + COLUMN_COMMAND;
+
+    return title[COMMAND_TORQUE]    ? COMMAND_TORQUE
+           : title[COMMAND_CURRENT] ? COMMAND_CURRENT
+                                    : COMMAND_VOLTAGE;
 }
 
 /* Checks a bench of recordings. */
@@ -241,30 +251,28 @@ static enum error_code check_recordings(const struct bench *bench, struct error 
 {
     const struct bench_columns *columns = &bench->columns;
 
-    if (columns->signal[SIGNAL_LOSS]) {
-        return bench->drive && !bench->rig && !columns->time && columns->speed && columns->supply &&
-                       columns->supply_current && recording_columns(columns) == 1
+    if (columns->title[SIGNAL_LOSS]) {
+        return bench->drive && !bench->rig && count_columns(columns, 0, COLUMNS) == 4 &&
+                       count_columns(columns, COLUMN_SUPPLY, COLUMNS) == 3
                    ? ERROR_NONE
                    : yaml_error(error, &columns->mark,
                                 "found a column \"load\", expected steady states of a \"drive\" "
                                 "with columns \"load\", \"speed\", \"supply\" and "
                                 "\"supply_current\" alone");
     }
-    if (!bench->rig || !bench->columns.time || bench->drive) {
+    if (!bench->rig || !columns->title[COLUMN_TIME] || bench->drive) {
         return yaml_error(error, &bench->mark,
                           "found no %s, expected keys \"rig\" and \"columns\" for recordings, or "
                           "\"points\" of a \"rig\" or a \"drive\"",
                           !bench->rig ? "rig" : "columns");
     }
-    if (!!bench->columns.goal + !!bench->columns.voltage + !!bench->columns.torque +
-            !!bench->columns.set_current !=
-        1) {
-        return yaml_error(error, &bench->columns.mark,
+    if (count_columns(columns, COLUMN_GOAL, COLUMN_ENABLED) != 1) {
+        return yaml_error(error, &columns->mark,
                           "found none or several of the columns \"goal\", \"voltage\", "
                           "\"torque\" and \"set_current\", expected one");
     }
-    if (recording_columns(&bench->columns) == 0) {
-        return yaml_error(error, &bench->columns.mark,
+    if (count_columns(columns, 0, SIGNALS) == 0) {
+        return yaml_error(error, &columns->mark,
                           "found no column of a measured signal, expected \"position\", "
                           "\"load_torque\" or another");
     }
@@ -275,8 +283,8 @@ static enum error_code check_recordings(const struct bench *bench, struct error 
                           "found an incomplete output, expected \"output_kg_m2\" with "
                           "\"output: inertia\", or with \"output: locked\" and \"lock_nm_rad\"");
     }
-    if (bench->columns.goal && !(bench->law.duty_per_rad > 0.0)) {
-        return yaml_error(error, &bench->columns.mark,
+    if (columns->title[COLUMN_GOAL] && !(bench->law.duty_per_rad > 0.0)) {
+        return yaml_error(error, &columns->mark,
                           "found a column of goals without key \"law\", expected the servo's law");
     }
     return ERROR_NONE;
@@ -318,10 +326,9 @@ static enum error_code check_bench(struct bench *bench, struct error *error)
         }
     }
     for (size_t i = 0; i < bench->ngroup_number; i++) {
-        const struct bench_group_number *one = &bench->group_number[i];
-        int parameter;
+        struct group_number *one = &bench->group_number[i];
 
-        if (find_number(&one->mark, one->key, one->value, &parameter, error) ||
+        if (find_number(&one->mark, one->key, one->value, &one->parameter, error) ||
             check_group(bench, &one->mark, one->group, error)) {
             return ERROR_INPUT;
         }
@@ -364,24 +371,18 @@ enum error_code bench_read(const char *path, struct arena *arena, struct bench *
 enum error_code bench_of_own(const char *joint, struct arena *arena, struct bench *bench,
                              struct error *error)
 {
-    char title[3][96];
+    char text[512];
+    const int size = snprintf(
+        text, sizeof text,
+        "{name: own, source: recordings of coman-hil run --record, license: own, columns: {"
+        "time: time_s, position: \"q_%.63s_rad\", voltage: \"voltage_%.63s_v\", "
+        "current: \"current_%.63s_a\", voltage_before: true}}",
+        joint, joint, joint);
+    enum error_code code =
+        yaml_read_text("own", text, (size_t)size, &bench_schema, arena, bench, error);
 
-    snprintf(title[0], sizeof title[0], "q_%.63s_rad", joint);
-    snprintf(title[1], sizeof title[1], "voltage_%.63s_v", joint);
-    snprintf(title[2], sizeof title[2], "current_%.63s_a", joint);
-    *bench = (struct bench){
-        .name = "own",
-        .columns = {.time = "time_s",
-                    .signal = {[SIGNAL_POSITION] = arena_strdup(arena, title[0]),
-                               [SIGNAL_CURRENT] = arena_strdup(arena, title[2])},
-                    .voltage = arena_strdup(arena, title[1]),
-                    .voltage_before = true,
-                    .current_is_optional = true},
-    };
-    return bench->columns.signal[SIGNAL_POSITION] && bench->columns.voltage &&
-                   bench->columns.signal[SIGNAL_CURRENT]
-               ? ERROR_NONE
-               : error_set(error, ERROR_MEMORY, "no memory for a bench");
+    bench->columns.current_is_optional = true;
+    return code;
 }
 
 /* ---- recordings ---- */
@@ -411,54 +412,27 @@ static size_t comment_size(const char *text)
     return (size_t)(at - text);
 }
 
-/* The columns to read, in the order of find_columns. */
-enum {
-    COLUMN_TIME,
-    COLUMN_GOAL,
-    COLUMN_VOLTAGE,
-    COLUMN_ENABLED,
-    COLUMN_SUPPLY,
-    COLUMN_SPEED,
-    COLUMN_SUPPLY_CURRENT,
-    COLUMN_SIGNAL, /* SIGNALS of them */
-    COLUMNS = COLUMN_SIGNAL + SIGNALS
-};
-
 /* Finds the columns of a table by their titles. The index is -1 if the bench has no title for a
  * column. */
 static enum error_code find_columns(const struct bench_columns *columns, const struct csv *csv,
                                     int column[COLUMNS], struct error *error)
 {
-    const char *title[COLUMNS] = {columns->time,
-                                  columns->goal,
-                                  columns->voltage  ? columns->voltage
-                                  : columns->torque ? columns->torque
-                                                    : columns->set_current,
-                                  columns->enabled,
-                                  columns->supply,
-                                  columns->speed,
-                                  columns->supply_current};
-
-    memcpy(title + COLUMN_SIGNAL, columns->signal, sizeof columns->signal);
     for (size_t i = 0; i < COLUMNS; i++) {
-        column[i] = -1;
-        for (size_t k = 0; title[i] && k < csv->ncolumn; k++) {
-            if (strcmp(csv->title[k], title[i]) != 0) {
-                continue;
-            }
-            if (column[i] >= 0) {
+        const char *title = columns->title[i];
+
+        column[i] = title ? TEXT_INDEX(csv->title, csv->ncolumn, title) : -1;
+        for (size_t k = (size_t)(column[i] + 1); column[i] >= 0 && k < csv->ncolumn; k++) {
+            if (!strcmp(csv->title[k], title)) {
                 return error_set(error, ERROR_INPUT,
                                  "%s:1: found column \"%.80s\" again, expected it once", csv->path,
-                                 title[i]);
+                                 title);
             }
-            column[i] = (int)k;
         }
-        if (title[i] && column[i] < 0 &&
-            !(i == COLUMN_SIGNAL + SIGNAL_CURRENT && columns->current_is_optional)) {
-            const char *near = text_nearest(title[i], csv->title, csv->ncolumn);
+        if (title && column[i] < 0 && !(i == SIGNAL_CURRENT && columns->current_is_optional)) {
+            const char *near = text_nearest(title, csv->title, csv->ncolumn);
 
             return error_set(error, ERROR_INPUT, "%s:1: found no column \"%.80s\"%s%.80s%s%s",
-                             csv->path, title[i],
+                             csv->path, title,
                              near ? ", expected it; the nearest is \"" : ", expected it",
                              near ? near : "", near ? "\"" : "",
                              csv->ncolumn > 1 ? ""
@@ -472,77 +446,81 @@ static enum error_code find_columns(const struct bench_columns *columns, const s
 /* Largest mean time between two rows of a recording, s. */
 static const double ROW_S = 0.5;
 
+/* Returns the value of a column in the last row, or `other` without the column. */
+static double cell_of(const struct csv *csv, int column, double other)
+{
+    return column < 0 ? other : csv->cell[column];
+}
+
+/* Reads a row of a recording, and adds its supply to a sum. */
+static enum error_code read_row(const struct csv *csv, const int column[COLUMNS], size_t i,
+                                struct recording *r, struct error *error)
+{
+    r->time[i] = csv->cell[column[COLUMN_TIME]];
+    r->goal[i] = cell_of(csv, column[COLUMN_GOAL], 0.0);
+    r->voltage[i] = cell_of(csv, column[COLUMN_COMMAND + (int)r->command], 0.0);
+    for (size_t k = 0; k < SIGNALS; k++) {
+        if (r->signal[k]) {
+            r->signal[k][i] = csv->cell[column[k]];
+        }
+    }
+    r->enabled[i] = cell_of(csv, column[COLUMN_ENABLED], 1.0) > 0.5;
+    r->supply += cell_of(csv, column[COLUMN_SUPPLY], 0.0);
+    return i == 0 || r->time[i] > r->time[i - 1]
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT,
+                           "%s:%ld: found a time of %.9g s after %.9g s, expected a later one",
+                           csv->path, csv->line, r->time[i], r->time[i - 1]);
+}
+
+/* Reads a row of steady states. */
+static enum error_code read_state(const struct csv *csv, const int column[COLUMNS], size_t i,
+                                  struct recording *r, struct error *error)
+{
+    const double load = csv->cell[column[SIGNAL_LOSS]];
+    const double speed = csv->cell[column[COLUMN_SPEED]];
+
+    r->goal[i] = speed < 0.0 ? -load : load;
+    r->voltage[i] = fabs(speed);
+    r->time[i] =
+        csv->cell[column[COLUMN_SUPPLY]] * csv->cell[column[COLUMN_SUPPLY_CURRENT]] - load * speed;
+    r->signal[SIGNAL_LOSS][i] = 1.0;
+    return r->time[i] > 0.0
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT,
+                           "%s:%ld: found losses of %.4g W, expected more than 0: load and speed "
+                           "have one sign if the motor turns the load",
+                           csv->path, csv->line, r->time[i]);
+}
+
 /* Reads the rows of a table into arrays of `most` entries. */
 static enum error_code read_rows(struct csv *csv, const int column[COLUMNS], size_t most,
                                  struct recording *r, struct error *error)
 {
-    double supply = 0.0;
+    const bool steady = r->signal[SIGNAL_LOSS] != NULL;
+    const size_t least = steady ? 3 : 16;
     enum error_code code;
     bool end;
 
     for (r->count = 0; !(code = csv_next(csv, &end, error)) && !end && r->count < most;) {
-        const size_t i = r->count++;
-
-        r->time[i] = csv->cell[column[COLUMN_TIME]];
-        r->goal[i] = column[COLUMN_GOAL] < 0 ? 0.0 : csv->cell[column[COLUMN_GOAL]];
-        r->voltage[i] = column[COLUMN_VOLTAGE] < 0 ? 0.0 : csv->cell[column[COLUMN_VOLTAGE]];
-        for (size_t k = 0; k < SIGNALS; k++) {
-            if (r->signal[k]) {
-                r->signal[k][i] = csv->cell[column[COLUMN_SIGNAL + k]];
-            }
-        }
-        r->enabled[i] = column[COLUMN_ENABLED] < 0 || csv->cell[column[COLUMN_ENABLED]] > 0.5;
-        supply += column[COLUMN_SUPPLY] < 0 ? 0.0 : csv->cell[column[COLUMN_SUPPLY]];
-        if (i > 0 && !(r->time[i] > r->time[i - 1])) {
-            return error_set(error, ERROR_INPUT,
-                             "%s:%ld: found a time of %.9g s after %.9g s, expected a later one",
-                             csv->path, csv->line, r->time[i], r->time[i - 1]);
+        code = (steady ? read_state : read_row)(csv, column, r->count++, r, error);
+        if (code) {
+            return code;
         }
     }
-    if (!code && r->count < 16) {
-        return error_set(error, ERROR_INPUT, "%s: found %zu rows, expected 16 or more", csv->path,
-                         r->count);
+    if (!code && r->count < least) {
+        return error_set(error, ERROR_INPUT, "%s: found %zu rows, expected %zu or more", csv->path,
+                         r->count, least);
     }
     /* Drives respond within milliseconds, so a larger time step means another unit of time */
-    if (!code && r->time[r->count - 1] - r->time[0] > ROW_S * (double)(r->count - 1)) {
+    if (!code && !steady && r->time[r->count - 1] - r->time[0] > ROW_S * (double)(r->count - 1)) {
         return error_set(error, ERROR_INPUT,
                          "%s: found %zu rows in %.9g s, expected one in %g s or more: is the "
                          "time in seconds?",
                          csv->path, r->count, r->time[r->count - 1] - r->time[0], ROW_S);
     }
-    r->supply = supply / (double)(r->count ? r->count : 1);
+    r->supply /= (double)(r->count ? r->count : 1);
     return code;
-}
-
-/* Reads the rows of steady states. */
-static enum error_code read_steady(struct csv *csv, const int column[COLUMNS], size_t most,
-                                   struct recording *r, struct error *error)
-{
-    enum error_code code;
-    bool end;
-
-    for (r->count = 0; !(code = csv_next(csv, &end, error)) && !end && r->count < most;) {
-        const double load = csv->cell[column[COLUMN_SIGNAL + SIGNAL_LOSS]];
-        const double speed = csv->cell[column[COLUMN_SPEED]];
-        const double power =
-            csv->cell[column[COLUMN_SUPPLY]] * csv->cell[column[COLUMN_SUPPLY_CURRENT]];
-        const size_t i = r->count++;
-
-        r->goal[i] = speed < 0.0 ? -load : load;
-        r->voltage[i] = fabs(speed);
-        r->time[i] = power - load * speed;
-        r->signal[SIGNAL_LOSS][i] = 1.0;
-        if (!(r->time[i] > 0.0)) {
-            return error_set(error, ERROR_INPUT,
-                             "%s:%ld: found losses of %.4g W, expected more than 0: load and speed "
-                             "have one sign if the motor turns the load",
-                             csv->path, csv->line, r->time[i]);
-        }
-    }
-    return !code && r->count < 3
-               ? error_set(error, ERROR_INPUT, "%s: found %zu rows, expected 3 or more", csv->path,
-                           r->count)
-               : code;
 }
 
 enum error_code recording_alloc(struct recording *r, size_t count, const bool has[SIGNALS],
@@ -618,19 +596,20 @@ static enum error_code read_table(const struct bench *bench, const char *path, c
     }
     code = find_columns(&bench->columns, csv, column, error);
     for (size_t i = 0; i < SIGNALS; i++) {
-        has[i] = !code && column[COLUMN_SIGNAL + i] >= 0;
+        has[i] = !code && column[i] >= 0;
     }
     code = code ? code : recording_alloc(r, most + 1, has, arena, error);
-    code = code                     ? code
-           : r->signal[SIGNAL_LOSS] ? read_steady(csv, column, most + 1, r, error)
-                                    : read_rows(csv, column, most + 1, r, error);
+    code = code ? code : read_rows(csv, column, most + 1, r, error);
     csv_close(csv);
     return code;
 }
 
-enum error_code recording_check_sum(const char *path, const char *expected, char sum[9],
-                                    struct error *error)
+enum error_code recording_read(const struct identify_bench *bench, const char *path,
+                               const char *expected, struct arena *arena, struct recording *r,
+                               struct error *error)
 {
+    const struct bench_columns *columns = &bench->bench.columns;
+    const char *slash = strrchr(path, '/'), *word = columns->gain_word;
     char *text;
     size_t size = 0;
     enum error_code code = input_file_load(path, RECORDING_BYTES_MAX, &text, &size, error);
@@ -638,42 +617,27 @@ enum error_code recording_check_sum(const char *path, const char *expected, char
     if (code) {
         return code;
     }
-    snprintf(sum, 9, "%08x", crc32_update(0, text, size));
-    free(text);
-    return !expected || strcmp(expected, sum) == 0
-               ? ERROR_NONE
-               : error_set(error, ERROR_INPUT, "%.200s: found CRC-32 %s, expected %.16s", path, sum,
-                           expected);
-}
-
-enum error_code recording_read(const struct bench *bench, const char *path, struct arena *arena,
-                               struct recording *recording, struct error *error)
-{
-    const char *word = bench->columns.gain_word;
-    char *text;
-    size_t size = 0;
-    enum error_code code = input_file_load(path, RECORDING_BYTES_MAX, &text, &size, error);
-
-    if (code) {
-        return code;
-    }
-    *recording = (struct recording){.file = arena_strdup(arena, path),
-                                    .group = "",
-                                    .gain = 1.0,
-                                    .voltage_before = bench->columns.voltage_before,
-                                    .command = bench->columns.torque        ? COMMAND_TORQUE
-                                               : bench->columns.set_current ? COMMAND_CURRENT
-                                                                            : COMMAND_VOLTAGE};
-    if (word) {
-        recording->gain = find_gain(text, comment_size(text), word);
-    }
-    if (word && !(recording->gain > 0.0)) {
+    *r = (struct recording){.file = arena_strdup(arena, path),
+                            .name = arena_strdup(arena, slash ? slash + 1 : path),
+                            .group = "",
+                            .is_log = bench->rig && text[strspn(text, " ")] == '(',
+                            .is_checked = expected != NULL,
+                            .gain = word ? find_gain(text, comment_size(text), word) : 1.0,
+                            .voltage_before = columns->voltage_before,
+                            .command = bench_command(columns)};
+    snprintf(r->sum, sizeof r->sum, "%08x", crc32_update(0, text, size));
+    if (expected && strcmp(expected, r->sum) != 0) {
+        code = error_set(error, ERROR_INPUT, "%.200s: found CRC-32 %s, expected %.16s", path,
+                         r->sum, expected);
+    } else if (r->is_log) {
+        code = recording_read_log(bench->rig, bench->trial.joint.name, columns, arena, r, error);
+    } else if (!(r->gain > 0.0)) {
         code = error_set(error, ERROR_INPUT,
                          "%.200s: found no \"%.63s\" with a number in the comments at its begin, "
                          "expected the gain of the servo",
                          path, word);
     } else {
-        code = read_table(bench, path, text, size, arena, recording, error);
+        code = read_table(&bench->bench, path, text, size, arena, r, error);
     }
     free(text);
     return code;

@@ -8,9 +8,10 @@
 #include <string.h>
 
 /* Writes the source of the numbers, as comments. */
-static void write_head(const struct identify_bench *bench, const struct fit_problem *problem,
-                       const struct identify_result *result, FILE *out)
+static void write_head(const struct fit_problem *problem, const struct identify_result *result,
+                       FILE *out)
 {
+    const struct identify_bench *bench = problem->bench;
     const double crossed = identify_mean(result->crossed, bench->nrecording);
 
     fprintf(out,
@@ -19,11 +20,8 @@ static void write_head(const struct identify_bench *bench, const struct fit_prob
             "# being set back to what was measured:\n");
     for (size_t i = 0; i < bench->nrecording; i++) {
         if (!bench->recording[i].judge) {
-            const char *slash = strrchr(bench->recording[i].file, '/');
-
-            fprintf(out, "#   %-44s mean error %.4f %s\n",
-                    slash ? slash + 1 : bench->recording[i].file, result->fitted[i],
-                    signal_kinds[result->fit.first].unit);
+            fprintf(out, "#   %-44s mean error %.4f %s\n", bench->recording[i].name,
+                    result->fitted[i], signal_kinds[result->fit.first].unit);
         }
     }
     if (crossed >= 0.0) {
@@ -31,7 +29,7 @@ static void write_head(const struct identify_bench *bench, const struct fit_prob
                 signal_kinds[result->fit.first].unit);
     }
     for (size_t i = 0; i < problem->nfree; i++) {
-        const char *key = parameter_key(problem->free[i].parameter);
+        const char *key = parameters[problem->free[i].parameter].key;
 
         if (problem->free[i].group) {
             fprintf(out, "# Of the recordings of group %s: %s %.6g.\n", problem->free[i].group, key,
@@ -60,8 +58,8 @@ static int find_free(const struct fit_problem *problem, int parameter)
 }
 
 /* Writes the keys of the drive, each with the uncertainty of its value. */
-static void write_keys(const struct identify_bench *bench, const struct fit_problem *problem,
-                       const struct identify_result *result, FILE *out)
+static void write_keys(const struct fit_problem *problem, const struct identify_result *result,
+                       FILE *out)
 {
     const struct trial_robot *made = &result->fit.trial;
 
@@ -73,7 +71,7 @@ static void write_keys(const struct identify_bench *bench, const struct fit_prob
         if (!parameter_is_written(made, i)) {
             continue;
         }
-        fprintf(out, "  %s: %.6g", parameter_key(i), value);
+        fprintf(out, "  %s: %.6g", parameters[i].key, value);
         if (free >= 0) {
             const int partner = fit_partner(&result->fit, problem->nfree, (size_t)free);
 
@@ -81,11 +79,12 @@ static void write_keys(const struct identify_bench *bench, const struct fit_prob
                     word_of(fit_verdict_words, (int)result->fit.verdict[free]));
             if (partner >= 0) {
                 fprintf(out, "; correlation %.3f with %s", result->fit.correlation[free][partner],
-                        parameter_key(problem->free[partner].parameter));
+                        parameters[problem->free[partner].parameter].key);
             }
             fputc('\n', out);
         } else {
-            fprintf(out, "  # %s\n", value != parameter_get(&bench->trial, i) ? "F" : "as it was");
+            fprintf(out, "  # %s\n",
+                    value != parameter_get(&problem->bench->trial, i) ? "F" : "as it was");
         }
     }
     if (made->effects.freewheel) {
@@ -93,11 +92,11 @@ static void write_keys(const struct identify_bench *bench, const struct fit_prob
     }
 }
 
-enum error_code identify_write_drive(const struct identify_bench *bench,
-                                     const struct fit_problem *problem,
+enum error_code identify_write_drive(const struct fit_problem *problem,
                                      const struct identify_result *result, const char *path,
                                      struct error *error)
 {
+    const struct identify_bench *bench = problem->bench;
     const struct robot_effects *effects = &bench->trial.effects;
     const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
     const int length = (int)strcspn(name, ".");
@@ -114,12 +113,11 @@ enum error_code identify_write_drive(const struct identify_bench *bench,
     if (code) {
         return code;
     }
-    write_head(bench, problem, result, file.out);
+    write_head(problem, result, file.out);
     fprintf(file.out,
             "name: %.*s\ndescription: \"%s, identified\"\nsource: \"identified from %s\"\n", length,
-            name, bench->bench.name,
-            bench->bench.source ? bench->bench.source : "recordings of coman-hil run --record");
+            name, bench->bench.name, bench->bench.source);
     fprintf(file.out, "supply_v: %.6g\n", bench->supply_v);
-    write_keys(bench, problem, result, file.out);
+    write_keys(problem, result, file.out);
     return whole_file_close(&file, ERROR_NONE, error);
 }

@@ -7,8 +7,6 @@
 
 #include "app/identify/identify.h"
 
-#include "base/array.h"
-
 #include <cminpack.h>
 #include <math.h>
 #include <pthread.h>
@@ -39,12 +37,13 @@ const struct word fit_verdict_words[] = {{"known", FIT_KNOWN},
 /* A running fit. */
 struct fit {
     const struct fit_problem *problem;
-    size_t first[1024]; /* first residual of each recording: one signal after the other */
-    size_t nrow;        /* number of residuals of recordings */
-    size_t m;           /* number of residuals, priors included */
-    enum signal judge;  /* first measured signal; residuals have its unit */
-    size_t nsignal;     /* number of measured signals */
-    double level;       /* error of one independent measurement, which scales the priors */
+    /* First residual of each recording: one signal after the other */
+    size_t first[IDENTIFY_RECORDINGS_MAX];
+    size_t nrow;       /* number of residuals of recordings */
+    size_t m;          /* number of residuals, priors included */
+    enum signal judge; /* first measured signal; residuals have its unit */
+    size_t nsignal;    /* number of measured signals */
+    double level;      /* error of one independent measurement, which scales the priors */
     double weight[SIGNALS];
     double *work; /* residuals for nfree + 1 sets of variables, m each */
     atomic_int simulations;
@@ -55,12 +54,12 @@ struct fit {
 
 /* ---- variables ---- */
 
-static bool is_logarithmic(const struct fit_free *free)
+static bool is_logarithmic(const struct bench_free *free)
 {
     return free->lower > 0.0 && free->upper > 10.0 * free->lower;
 }
 
-static double fit_value(const struct fit_free *free, double u)
+static double fit_value(const struct bench_free *free, double u)
 {
     const double share = 0.5 * (1.0 + sin(u));
 
@@ -68,7 +67,7 @@ static double fit_value(const struct fit_free *free, double u)
                                 : free->lower + (free->upper - free->lower) * share;
 }
 
-static double fit_variable(const struct fit_free *free, double value)
+static double fit_variable(const struct bench_free *free, double value)
 {
     const double share = is_logarithmic(free)
                              ? log(value / free->lower) / log(free->upper / free->lower)
@@ -78,7 +77,7 @@ static double fit_variable(const struct fit_free *free, double value)
 }
 
 /* Returns dp/du. */
-static double fit_slope(const struct fit_free *free, double u)
+static double fit_slope(const struct bench_free *free, double u)
 {
     const double half = 0.5 * cos(u);
 
@@ -94,13 +93,14 @@ static void set_variables(const struct fit_problem *problem, const double *u,
 
     size_t count = 0;
 
-    *trial = *problem->trial;
+    *trial = problem->bench->trial;
     for (size_t i = 0; i < problem->nfree; i++) {
-        const struct fit_free *free = &problem->free[i];
+        const struct bench_free *free = &problem->free[i];
 
         if (free->group) {
-            parameter_set_group(
-                trial, &(struct group_number){free->group, free->parameter, fit_value(free, u[i])});
+            parameter_set_group(trial, &(struct group_number){.group = free->group,
+                                                              .parameter = free->parameter,
+                                                              .value = fit_value(free, u[i])});
         } else {
             parameter[count] = free->parameter;
             value[count++] = fit_value(free, u[i]);
@@ -124,8 +124,8 @@ static double soften_error(double error, double robust)
 static enum error_code residuals_of(struct fit *fit, size_t recording, const double *u, double *out,
                                     struct error *error)
 {
-    const struct fit_problem *problem = fit->problem;
-    const struct recording *r = &problem->recording[recording];
+    const struct identify_bench *bench = fit->problem->bench;
+    const struct recording *r = &bench->recording[recording];
     struct simulated simulated = {.diverged = false};
     struct trial_robot trial;
     enum error_code code;
@@ -134,15 +134,15 @@ static enum error_code residuals_of(struct fit *fit, size_t recording, const dou
         simulated.signal[s] = r->signal[s] ? out : NULL;
         out += r->signal[s] ? r->count : 0;
     }
-    set_variables(problem, u, &trial);
-    code = simulate_recording(problem->rig, &trial, problem->law, r, &simulated, error);
+    set_variables(fit->problem, u, &trial);
+    code = simulate_recording(bench->rig, &trial, &bench->bench.law, r, &simulated, error);
     for (size_t s = 0; s < SIGNALS && !code; s++) {
         double *value = simulated.signal[s];
 
         for (size_t i = 0; i < r->count && value; i++) {
             value[i] = fit->weight[s] * (value[i] - r->signal[s][i]);
             value[i] = s == SIGNAL_POSITION || s == SIGNAL_LOSS
-                           ? soften_error(value[i], problem->robust_rad)
+                           ? soften_error(value[i], bench->bench.robust_rad)
                            : value[i];
         }
     }
@@ -156,7 +156,7 @@ static void prior_residuals(const struct fit *fit, const double *u, double *out)
     size_t row = fit->nrow;
 
     for (size_t i = 0; i < fit->problem->nfree; i++) {
-        const struct fit_free *free = &fit->problem->free[i];
+        const struct bench_free *free = &fit->problem->free[i];
 
         if (free->sigma > 0.0) {
             out[row++] = fit->level * (fit_value(free, u[i]) - free->expected) / free->sigma;
@@ -184,7 +184,7 @@ static void *run_jobs(void *context)
 {
     struct batch *batch = context;
     struct fit *fit = batch->fit;
-    const size_t n = fit->problem->nrecording;
+    const size_t n = fit->problem->bench->nrecording;
     size_t job;
 
     while ((job = atomic_fetch_add(&batch->next, 1)) < n * batch->nset) {
@@ -231,8 +231,8 @@ static void find_rms(const struct fit *fit, const double *residual, double rms[S
     double count[SIGNALS] = {0.0};
 
     memset(rms, 0, SIGNALS * sizeof *rms);
-    for (size_t r = 0; r < fit->problem->nrecording; r++) {
-        const struct recording *recording = &fit->problem->recording[r];
+    for (size_t r = 0; r < fit->problem->bench->nrecording; r++) {
+        const struct recording *recording = &fit->problem->bench->recording[r];
         const double *x = residual + fit->first[r];
 
         for (size_t s = 0; s < SIGNALS && is_used(fit->problem, r); s++) {
@@ -293,9 +293,9 @@ static double find_coherence(const struct fit *fit, const double *residual)
 {
     double sum = 0.0, all = 0.0;
 
-    for (size_t r = 0; r < fit->problem->nrecording; r++) {
+    for (size_t r = 0; r < fit->problem->bench->nrecording; r++) {
         const double *x = residual + fit->first[r];
-        const size_t count = fit->problem->recording[r].count;
+        const size_t count = fit->problem->bench->recording[r].count;
         double power = 0.0, length = 1.0;
 
         if (!is_used(fit->problem, r)) {
@@ -336,7 +336,7 @@ int fit_partner(const struct fit_result *result, size_t count, size_t i)
 }
 
 /* Returns the verdict on the uncertainty of a parameter. */
-static enum fit_verdict judge_value(const struct fit_free *free, double u, double value,
+static enum fit_verdict judge_value(const struct bench_free *free, double u, double value,
                                     double sigma, bool paired)
 {
     const double range = free->upper - free->lower;
@@ -398,7 +398,7 @@ static void find_covariance(struct fit *fit, const double *u, double *residual, 
     }
     add_blocks(fit, factor, residual, (size_t)ceil(2.0 * result->coherence), blocks);
     for (size_t i = 0; i < n; i++) {
-        const struct fit_free *free = &fit->problem->free[i];
+        const struct bench_free *free = &fit->problem->free[i];
         double variance = 0.0;
 
         for (size_t k = 0; k < n; k++) {
@@ -423,7 +423,7 @@ static void find_covariance(struct fit *fit, const double *u, double *residual, 
 static void weigh_residuals(struct fit *fit, const double *residual, bool reweight,
                             struct fit_result *result)
 {
-    const struct bench_sigmas *sigmas = fit->problem->sigmas;
+    const double *sigma = fit->problem->bench->bench.sigmas.signal;
     double rms[SIGNALS];
 
     find_rms(fit, residual, rms);
@@ -431,11 +431,10 @@ static void weigh_residuals(struct fit *fit, const double *residual, bool reweig
     result->coherence = find_coherence(fit, residual);
     fit->level = rms[fit->judge] * sqrt(result->coherence);
     for (size_t s = 0; s < SIGNALS; s++) {
-        result->rms[s] = rms[s] / fit->weight[s];
-        if (s != fit->judge && sigmas && sigmas->signal[s] * sigmas->signal[fit->judge] > 0.0) {
-            fit->weight[s] = sigmas->signal[fit->judge] / sigmas->signal[s];
+        if (s != fit->judge && sigma[s] * sigma[fit->judge] > 0.0) {
+            fit->weight[s] = sigma[fit->judge] / sigma[s];
         } else if (s != fit->judge && reweight && rms[s] * rms[fit->judge] > 0.0) {
-            fit->weight[s] = rms[fit->judge] / result->rms[s];
+            fit->weight[s] *= rms[fit->judge] / rms[s];
         }
     }
 }
@@ -480,22 +479,15 @@ enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *
     double u[IDENTIFY_FREE_MAX], *memory;
     enum error_code code;
 
-    if (problem->nfree == 0 || problem->nfree > IDENTIFY_FREE_MAX ||
-        problem->nrecording > ARRAY_COUNT(fit.first)) {
-        return error_set(error, ERROR_INPUT,
-                         "found %zu free numbers and %zu recordings, expected 1 to %d and no more "
-                         "than %zu",
-                         problem->nfree, problem->nrecording, IDENTIFY_FREE_MAX,
-                         ARRAY_COUNT(fit.first));
-    }
-
     /* Assign residuals to the recordings, then to the priors */
-    for (size_t r = 0; r < problem->nrecording; r++) {
+    for (size_t r = 0; r < problem->bench->nrecording; r++) {
+        const struct recording *recording = &problem->bench->recording[r];
+
         fit.first[r] = fit.nrow;
         if (is_used(problem, r)) {
             for (size_t s = 0; s < SIGNALS; s++) {
-                measured[s] |= problem->recording[r].signal[s] != NULL;
-                fit.nrow += problem->recording[r].signal[s] ? problem->recording[r].count : 0;
+                measured[s] |= recording->signal[s] != NULL;
+                fit.nrow += recording->signal[s] ? recording->count : 0;
             }
         }
     }
@@ -527,24 +519,16 @@ enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *
 
 /* ---- preparing ---- */
 
-/* Fills a free parameter from the bench's values, else from defaults that depend on the drive. */
-static void prepare_free(const struct fit_problem *problem, const struct bench_free *given,
-                         struct fit_free *free)
+/* Completes a free parameter by defaults that depend on the drive. */
+static void prepare_free(const struct identify_bench *bench, struct bench_free *free)
 {
-    const int parameter = given->parameter;
+    double lower, upper;
 
-    *free = (struct fit_free){.parameter = parameter,
-                              .group = given->group,
-                              .start = yaml_has(&given->mark, "start")
-                                           ? given->start
-                                           : parameter_get(problem->trial, parameter),
-                              .expected = given->expected,
-                              .sigma = given->sigma};
-    parameter_bounds(problem->trial, parameter,
-                     problem->rig ? problem->rig->supply_v : problem->supply_v, &free->lower,
-                     &free->upper);
-    free->lower = yaml_has(&given->mark, "lower") ? given->lower : free->lower;
-    free->upper = yaml_has(&given->mark, "upper") ? given->upper : free->upper;
+    parameter_bounds(&bench->trial, free->parameter, bench->supply_v, &lower, &upper);
+    free->start = yaml_has(&free->mark, "start") ? free->start
+                                                 : parameter_get(&bench->trial, free->parameter);
+    free->lower = yaml_has(&free->mark, "lower") ? free->lower : lower;
+    free->upper = yaml_has(&free->mark, "upper") ? free->upper : upper;
 }
 
 /* Returns whether both texts are NULL, or equal. */
@@ -553,13 +537,14 @@ static bool same_text(const char *a, const char *b)
     return a && b ? strcmp(a, b) == 0 : a == b;
 }
 
-enum error_code fit_prepare(const struct bench *bench, const char *const *key, size_t nkey,
-                            struct fit_problem *problem, struct error *error)
+enum error_code fit_prepare(struct fit_problem *problem, const char *const *key, size_t nkey,
+                            struct error *error)
 {
+    const struct bench *bench = &problem->bench->bench;
+
     problem->nfree = 0;
     for (size_t i = 0; i < (nkey ? nkey : bench->nfree); i++) {
         struct bench_free one = nkey ? (struct bench_free){.key = key[i]} : bench->free[i];
-        struct fit_free *free;
 
         if (parameter_check(one.key, &one.parameter, error)) {
             return ERROR_INPUT;
@@ -581,13 +566,13 @@ enum error_code fit_prepare(const struct bench *bench, const char *const *key, s
                 one = bench->free[k];
             }
         }
-        free = &problem->free[problem->nfree++];
-        prepare_free(problem, &one, free);
-        if (!(free->lower < free->upper)) {
+        prepare_free(problem->bench, &one);
+        problem->free[problem->nfree++] = one;
+        if (!(one.lower < one.upper)) {
             return error_set(error, ERROR_INPUT,
                              "found no room for \"%.63s\" between %g and %g, expected bounds for "
                              "it in the bench's file",
-                             one.key, free->lower, free->upper);
+                             one.key, one.lower, one.upper);
         }
     }
     if (problem->nfree == 0) {

@@ -28,10 +28,7 @@ static void set_numbers(struct identify_bench *bench)
         parameter_set(&bench->trial, &parameter, &bench->bench.number[i].value, 1);
     }
     for (size_t i = 0; i < bench->bench.ngroup_number; i++) {
-        const struct bench_group_number *of = &bench->bench.group_number[i];
-
-        parameter_set_group(&bench->trial,
-                            &(struct group_number){of->group, parameter_find(of->key), of->value});
+        parameter_set_group(&bench->trial, &bench->bench.group_number[i]);
     }
     bench->trial.mount = bench->bench.mount;
 }
@@ -61,6 +58,26 @@ static enum error_code load_bench_drive(struct arena *arena, struct identify_ben
     return code;
 }
 
+/* Copies a robot. Refuses a robot that does not have exactly one joint, with an electric drive. */
+static enum error_code trial_robot_copy(const struct robot *robot, struct trial_robot *trial,
+                                        struct error *error)
+{
+    if (robot->njoint != 1 || robot->nbody != 2 || robot->floating ||
+        !robot->joint[0].sea.present) {
+        return error_set(error, ERROR_INPUT,
+                         "%s: found a robot of %zu joints%s, expected one joint with an electric "
+                         "drive on a fixed base",
+                         robot->file, robot->njoint, robot->floating ? " on a floating base" : "");
+    }
+    *trial = (struct trial_robot){
+        .robot = *robot, .joint = robot->joint[0], .bench = {.command_gain = 1.0}};
+    memcpy(trial->body, robot->body, sizeof trial->body);
+    if (trial->joint.sea.effects) {
+        trial->effects = *trial->joint.sea.effects;
+    }
+    return ERROR_NONE;
+}
+
 /* Loads the rig and copies its robot. */
 static enum error_code load_bench_rig(const char *path, struct arena *arena,
                                       struct identify_bench *bench, struct error *error)
@@ -79,7 +96,7 @@ static enum error_code load_bench_rig(const char *path, struct arena *arena,
 }
 
 /* Refuses angles that span much more than the joint's range, for example degrees. */
-static enum error_code check_angles(const struct robot_joint *joint, const char *path,
+static enum error_code check_angles(const struct robot_joint *joint,
                                     const struct recording *recording, struct error *error)
 {
     const double *position = recording->signal[SIGNAL_POSITION];
@@ -89,37 +106,13 @@ static enum error_code check_angles(const struct robot_joint *joint, const char 
         least = fmin(least, position[i]);
         greatest = fmax(greatest, position[i]);
     }
-    if (greatest - least <= RANGES_MAX * (joint->upper - joint->lower)) {
+    if (recording->is_log || greatest - least <= RANGES_MAX * (joint->upper - joint->lower)) {
         return ERROR_NONE;
     }
     return error_set(error, ERROR_INPUT,
                      "%.200s: found angles from %.4g to %.4g rad, but joint %s turns from %.4g to "
                      "%.4g rad: are they in radians?",
-                     path, least, greatest, joint->name, joint->lower, joint->upper);
-}
-
-/* Reads a recording: a CSV file or a candump log. */
-static enum error_code read_recording(const struct identify_bench *bench, const char *path,
-                                      const char *crc32, struct arena *arena,
-                                      struct recording *recording, struct error *error)
-{
-    char sum[sizeof recording->sum];
-    enum error_code code = recording_check_sum(path, crc32, sum, error);
-
-    if (code) {
-        return code;
-    }
-
-    if (bench->rig && recording_is_log(path)) {
-        code = recording_read_log(bench->rig, bench->trial.joint.name, &bench->bench.columns, path,
-                                  arena, recording, error);
-    } else {
-        code = recording_read(&bench->bench, path, arena, recording, error);
-        code = code ? code : check_angles(&bench->trial.joint, path, recording, error);
-    }
-    memcpy(recording->sum, sum, sizeof sum);
-    recording->is_checked = crc32 != NULL;
-    return code;
+                     recording->file, least, greatest, joint->name, joint->lower, joint->upper);
 }
 
 /* Finds the file of a recording. */
@@ -161,7 +154,8 @@ static enum error_code read_recordings(struct identify_bench *bench, struct aren
             bench->nrecording = 0;
             return ERROR_NONE;
         }
-        code = code ? code : read_recording(bench, path, one->crc32, arena, recording, error);
+        code = code ? code : recording_read(bench, path, one->crc32, arena, recording, error);
+        code = code ? code : check_angles(&bench->trial.joint, recording, error);
         recording->group = one->group;
         recording->judge = one->judge;
         if (!code) {
@@ -187,11 +181,11 @@ enum error_code identify_open(const char *path, struct arena *arena, struct iden
     }
     if (bench->bench.drive) {
         code = load_bench_drive(arena, bench, error);
-        return code ? code : read_recordings(bench, arena, error);
+    } else {
+        code = yaml_resolve_path(yaml_place(&bench->bench.mark, "rig"), bench->bench.rig, arena,
+                                 &rig, error);
+        code = code ? code : load_bench_rig(rig, arena, bench, error);
     }
-    code = yaml_resolve_path(yaml_place(&bench->bench.mark, "rig"), bench->bench.rig, arena, &rig,
-                             error);
-    code = code ? code : load_bench_rig(rig, arena, bench, error);
     return code ? code : read_recordings(bench, arena, error);
 }
 
@@ -224,10 +218,9 @@ enum error_code identify_take_files(struct identify_bench *bench, const char *co
                           "found a bench of points, expected one of recordings");
     }
     for (size_t i = 0; i < count && !code; i++) {
-        const bool log = recording_is_log(file[i]);
-
-        code = read_recording(bench, file[i], NULL, arena, &all[i], error);
-        if (!code && !log && all[i].voltage_before &&
+        code = recording_read(bench, file[i], NULL, arena, &all[i], error);
+        code = code ? code : check_angles(&bench->trial.joint, &all[i], error);
+        if (!code && !all[i].is_log && all[i].voltage_before &&
             all[i].time[1] - all[i].time[0] > 1.5e-9 * (double)bench->rig->tick_ns) {
             code = error_set(error, ERROR_INPUT,
                              "%s: found rows every %g s, expected one a tick, whose voltages are "
@@ -242,16 +235,15 @@ enum error_code identify_take_files(struct identify_bench *bench, const char *co
 
 double identify_mean(const double *error, size_t count)
 {
-    double sum = 0.0;
-    size_t used = 0;
+    double sum = 0.0, used = 0.0;
 
     for (size_t i = 0; i < count; i++) {
-        if (error[i] >= 0.0) {
+        if (!isnan(error[i])) {
             sum += error[i];
             used++;
         }
     }
-    return used ? sum / (double)used : -1.0;
+    return sum / used;
 }
 
 /* Returns whether simulated angles leave the joint's range and measured ones do not. */
@@ -322,7 +314,7 @@ static double mean_used(const struct identify_bench *bench, const double *error)
     double used[IDENTIFY_RECORDINGS_MAX];
 
     for (size_t i = 0; i < bench->nrecording; i++) {
-        used[i] = bench->recording[i].judge ? -1.0 : error[i];
+        used[i] = bench->recording[i].judge ? (double)NAN : error[i];
     }
     return identify_mean(used, bench->nrecording);
 }
@@ -334,11 +326,11 @@ static bool same_group(const struct recording *recording, size_t a, size_t b)
 }
 
 /* Fits to all groups except the group of a recording, and computes the errors of that group. */
-static enum error_code run_fold(const struct identify_bench *bench,
-                                const struct fit_problem *problem, size_t left_out,
+static enum error_code run_fold(const struct fit_problem *problem, size_t left_out,
                                 struct arena *arena, struct identify_result *result,
                                 struct error *error)
 {
+    const struct identify_bench *bench = problem->bench;
     bool use[IDENTIFY_RECORDINGS_MAX];
     double all[IDENTIFY_RECORDINGS_MAX];
     struct fit_problem fold = *problem;
@@ -374,10 +366,10 @@ static double now_s(void)
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
-enum error_code identify_run(const struct identify_bench *bench, struct fit_problem *problem,
-                             bool crossed, struct arena *arena, struct identify_result *result,
-                             struct error *error)
+enum error_code identify_run(struct fit_problem *problem, bool crossed, struct arena *arena,
+                             struct identify_result *result, struct error *error)
 {
+    const struct identify_bench *bench = problem->bench;
     const double begin = now_s();
     bool use[IDENTIFY_RECORDINGS_MAX];
     enum error_code code;
@@ -385,7 +377,7 @@ enum error_code identify_run(const struct identify_bench *bench, struct fit_prob
     *result = (struct identify_result){.nfold = 0};
     for (size_t i = 0; i < bench->nrecording; i++) {
         use[i] = !bench->recording[i].judge;
-        result->crossed[i] = -1.0;
+        result->crossed[i] = NAN;
     }
 
     /* Fit, then compute the errors of all recordings with the start values and with the fit */
@@ -407,8 +399,8 @@ enum error_code identify_run(const struct identify_bench *bench, struct fit_prob
     /* Cross-validate: one fold per group */
     for (size_t i = 0; i < bench->nrecording && crossed && !code && !result->failure[0]; i++) {
         if (use[i] && !(problem->interrupted && *problem->interrupted) &&
-            result->crossed[i] < 0.0) {
-            code = run_fold(bench, problem, i, arena, result, error);
+            isnan(result->crossed[i])) {
+            code = run_fold(problem, i, arena, result, error);
         }
     }
     problem->use = NULL;
@@ -448,7 +440,7 @@ static enum error_code judge_points(struct validation *validation, struct arena 
 
 const char *validation_verdict(const struct validation *validation)
 {
-    return validation->missing         ? "missing"
+    return validation->bench.missing   ? "missing"
            : !validation->passed       ? "failed"
            : validation->unchecked > 0 ? "unchecked"
                                        : "passed";
@@ -471,21 +463,22 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
     bool any = false, diverged = false;
     enum error_code code = identify_open(path, arena, bench, error);
 
-    validation->unchecked = 0;
-    validation->missing = !code && bench->missing;
-    validation->is_share = !code && (bench->bench.limit_share > 0.0 || bench->bench.npoint > 0);
-    if (code || validation->missing) {
+    if (code) {
         return code;
     }
-    if (!code && bench->bench.npoint > 0) {
+    validation->unchecked = 0;
+    validation->is_share = bench->bench.limit_share > 0.0 || bench->bench.npoint > 0;
+    if (bench->missing) {
+        return ERROR_NONE;
+    }
+    if (bench->bench.npoint > 0) {
         return judge_points(validation, arena, error);
     }
-    if (!code && bench->nrecording == 0) {
-        code = yaml_error(error, &bench->bench.mark, "found no recordings, expected some");
+    if (bench->nrecording == 0) {
+        return yaml_error(error, &bench->bench.mark, "found no recordings, expected some");
     }
-    code = code ? code
-                : judge_all(bench, &bench->trial, validation->is_share, arena, validation->error,
-                            validation->simulated, NULL, error);
+    code = judge_all(bench, &bench->trial, validation->is_share, arena, validation->error,
+                     validation->simulated, NULL, error);
     if (code) {
         return code;
     }
@@ -496,7 +489,7 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
     for (size_t i = 0; i < bench->nrecording; i++) {
         const bool counts = bench->recording[i].judge || !any;
 
-        judged[i] = counts ? validation->error[i] : -1.0;
+        judged[i] = counts ? validation->error[i] : (double)NAN;
         diverged |= counts && validation->simulated[i].diverged;
     }
     validation->mean = identify_mean(judged, bench->nrecording);

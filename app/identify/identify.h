@@ -28,7 +28,7 @@
 
 enum { IDENTIFY_FREE_MAX = 24 };
 
-/* Largest number of parameters with a value for a group of recordings. */
+/* Largest number of parameters of a bench file with a value for a group of recordings. */
 enum { GROUP_NUMBERS_MAX = 16 };
 
 /* A parameter is given by its index, or IDENTIFY_NONE. */
@@ -41,10 +41,27 @@ int parameter_find(const char *key);
  * key. */
 enum error_code parameter_check(const char *key, int *parameter, struct error *error);
 
-/* Return the number of parameters, the key of one ("R_ohm"), and its meaning as a text. */
+/* The quantity that gives the upper bound of a parameter. */
+enum scale {
+    SCALE_SHARE,  /* 0.9 */
+    SCALE_TORQUE, /* half of the stall torque */
+    SCALE_SPEED,  /* no-load speed */
+    SCALE_DAMPING,
+    SCALE_ANGLE, /* 0.1 rad; for the offset also -0.1 rad */
+    SCALE_TIME,  /* 20 ms */
+    SCALE_MASS,  /* half of the mass of the link */
+    SCALE_GAIN,  /* 3 */
+    SCALE_OTHER
+};
+
+extern const struct parameter {
+    const char *key, *meaning;
+    size_t offset; /* in struct trial_robot */
+    enum scale scale;
+} parameters[];
+
+/* Returns the number of parameters. */
 size_t parameter_count(void);
-const char *parameter_key(int parameter);
-const char *parameter_meaning(int parameter);
 
 /* Numbers of the test bench that the robot file does not contain. */
 struct bench_numbers {
@@ -56,9 +73,10 @@ struct bench_numbers {
 
 /* The value of a parameter in the recordings of one group. */
 struct group_number {
-    const char *group;
-    int parameter;
+    struct yaml_mark mark;
+    const char *group, *key;
     double value;
+    int parameter; /* index of the key */
 };
 
 /* What the joint's output is fixed to. */
@@ -81,13 +99,9 @@ struct trial_robot {
     struct robot_effects effects;
     struct bench_numbers bench;
     struct bench_mount mount;
-    struct group_number group[GROUP_NUMBERS_MAX];
+    struct group_number group[GROUP_NUMBERS_MAX + IDENTIFY_FREE_MAX];
     size_t ngroup;
 };
-
-/* Copies a robot. Refuses a robot that does not have exactly one joint, with an electric drive. */
-enum error_code trial_robot_copy(const struct robot *robot, struct trial_robot *trial,
-                                 struct error *error);
 
 /* parameter_get returns a parameter. parameter_set sets a list of parameters, and then the
  * parameters that depend on them, unless the list contains these too. NKw_v_s_rad is proportional
@@ -97,8 +111,8 @@ double parameter_get(const struct trial_robot *trial, int parameter);
 void parameter_set(struct trial_robot *trial, const int *parameter, const double *value,
                    size_t count);
 
-/* Sets a parameter of the recordings of a group. Returns false if there are too many. */
-bool parameter_set_group(struct trial_robot *trial, const struct group_number *number);
+/* Sets a parameter of the recordings of a group. */
+void parameter_set_group(struct trial_robot *trial, const struct group_number *number);
 
 /* Applies the parameters of a group to a trial. */
 void parameter_take_group(struct trial_robot *trial, const char *group);
@@ -139,20 +153,25 @@ extern const struct signal_kind {
     const char *key, *unit;
 } signal_kinds[SIGNALS];
 
-/* Titles of a recording's columns; NULL = no such column. A bench file sets exactly one of goal,
- * voltage, torque and set_current, and one or more signals. */
+/* Columns of a recording: its signals, and others. A bench file sets exactly one of goal, voltage,
+ * torque and set current, and one or more signals. */
+enum {
+    COLUMN_TIME = SIGNALS,
+    COLUMN_GOAL,    /* set point, rad */
+    COLUMN_COMMAND, /* voltage at the terminals, V; of each kind of command */
+    COLUMN_ENABLED = COLUMN_COMMAND + COMMAND_CURRENT + 1, /* state of the bridge: on above 0.5 */
+    COLUMN_SUPPLY,         /* V; the mean is the voltage for a duty of 1 */
+    COLUMN_SPEED,          /* of steady states, rad/s */
+    COLUMN_SUPPLY_CURRENT, /* of steady states, A */
+    COLUMNS
+};
+
 struct bench_columns {
     struct yaml_mark mark;
-    const char *time, *signal[SIGNALS];
-    const char *goal, *voltage; /* set point, rad; voltage at the terminals, V */
-    const char *torque; /* torque of the motor on the gear, set point of its current loop, N m */
-    const char *set_current; /* set point of the current loop, A */
-    const char *enabled;     /* state of the bridge: on above 0.5 */
-    const char *supply;      /* V; the mean is the voltage for a duty of 1 */
-    const char *gain_word;   /* the number after this word in the file's comments is the gain */
-    const char *speed, *supply_current; /* of steady states, rad/s; of the supply, A */
-    bool voltage_before;      /* a row's voltage was on before its time, as in "run --record" */
-    bool current_is_optional; /* a recording may lack the column of the current */
+    const char *title[COLUMNS]; /* NULL = no such column */
+    const char *gain_word;      /* the number after this word in the file's comments is the gain */
+    bool voltage_before;        /* a row's voltage was on before its time, as in "run --record" */
+    bool current_is_optional;   /* a recording may lack the column of the current */
 };
 
 /* Standard deviations of the signals' noise; 0 = estimated by the fit. */
@@ -197,16 +216,10 @@ struct bench_point {
 /* A free parameter. */
 struct bench_free {
     struct yaml_mark mark;
-    const char *key, *group;                     /* group: of recordings; NULL = all */
-    double start, lower, upper, expected, sigma; /* prior: expected and sigma */
+    const char *key, *group; /* group: of recordings; NULL = all */
+    double start, lower, upper;
+    double expected, sigma; /* prior; sigma 0 = none */
     int parameter;
-};
-
-/* A fitted number of the recordings of a group. */
-struct bench_group_number {
-    struct yaml_mark mark;
-    const char *group, *key;
-    double value;
 };
 
 /* The value of the load cell that a recording takes for 0. */
@@ -230,6 +243,7 @@ struct bench_published {
     double error_rad, error_share;
 };
 
+struct identify_bench;
 struct bench {
     struct yaml_mark mark;
     const char *name, *description, *source, *license, *supports;
@@ -249,16 +263,15 @@ struct bench {
     struct bench_published *published;
     size_t nfree, nrecording, npoint, npublished;
     struct yaml_real_entry *number; /* parameters of drive and bench, which replace the rig's */
-    struct bench_group_number *group_number;
+    struct group_number *group_number;
     size_t nnumber, ngroup_number;
 };
 
-/* A recording in memory. */
-/* With SIGNAL_LOSS the rows are steady states: goal contains loads, N m, below 0 if they drive the
- * motor; voltage speeds, rad/s; time the measured losses, W. */
+/* A recording in memory. With SIGNAL_LOSS the rows are steady states: goal contains loads, N m,
+ * below 0 if they drive the motor; voltage speeds, rad/s; time the measured losses, W. */
 struct recording {
-    const char *file, *group;
-    bool judge;
+    const char *file, *name, *group; /* name: of the file, without its folder */
+    bool judge, is_log;
     char sum[9];     /* CRC-32 of the file, hexadecimal */
     bool is_checked; /* the bench file gives this sum */
     size_t count;    /* number of rows, at least 2, in order of time */
@@ -278,13 +291,14 @@ enum error_code bench_read(const char *path, struct arena *arena, struct bench *
 enum error_code bench_of_own(const char *joint, struct arena *arena, struct bench *bench,
                              struct error *error);
 
-/* Computes the CRC-32 of a recording's file, and compares it with the one expected, if any. */
-enum error_code recording_check_sum(const char *path, const char *expected, char sum[9],
-                                    struct error *error);
-
-/* Reads a recording. Lines at its start that begin with # are comments. */
-enum error_code recording_read(const struct bench *bench, const char *path, struct arena *arena,
+/* Reads a recording: a candump log, or CSV, whose first lines may be comments that begin with #.
+ * Compares the CRC-32 of the file with `expected`, unless this is NULL. */
+enum error_code recording_read(const struct identify_bench *bench, const char *path,
+                               const char *expected, struct arena *arena,
                                struct recording *recording, struct error *error);
+
+/* Returns what the commands of a bench are, unless they are goals. */
+enum command_kind bench_command(const struct bench_columns *columns);
 
 /* Allocates the rows of a recording with some signals, whose file must be set. ERROR_MEMORY. */
 enum error_code recording_alloc(struct recording *r, size_t count, const bool has[SIGNALS],
@@ -301,17 +315,29 @@ enum signal recording_first(const struct recording *recording);
 
 /* ---- recordings that are logs of candump (log.c) ---- */
 
-/* Returns whether a file starts like a candump log, with the time of a frame. */
-bool recording_is_log(const char *path);
-
-/* Reads a candump log. Each frame with the joint's angle gives a row, with the mean of the commands
- * since the last row. The columns position, and voltage or torque, are names of signals as in
- * coman-hil dbc. If a name is missing or is not a signal, the function finds the signal by joint
- * and unit. It skips frames of other interfaces. ERROR_INPUT names the missing signal. */
+/* Reads the candump log of a recording, whose file must be set. Each frame with the joint's angle
+ * gives a row, with the mean of the commands since the last row. The columns position, and voltage
+ * or torque, are names of signals as in coman-hil dbc. If a name is missing or is not a signal, the
+ * function finds the signal by joint and unit. It skips frames of other interfaces. ERROR_INPUT
+ * names the missing signal. */
 enum error_code recording_read_log(const struct rig *rig, const char *joint,
-                                   const struct bench_columns *columns, const char *path,
-                                   struct arena *arena, struct recording *recording,
-                                   struct error *error);
+                                   const struct bench_columns *columns, struct arena *arena,
+                                   struct recording *recording, struct error *error);
+
+/* ---- opened benches ---- */
+
+enum { IDENTIFY_RECORDINGS_MAX = 64 };
+
+/* A bench with its rig and recordings, ready for simulations. */
+struct identify_bench {
+    struct bench bench;
+    const struct rig *rig; /* NULL for a bench that names a drive */
+    double supply_v;       /* of the rig or the drive */
+    struct trial_robot trial;
+    struct recording *recording;
+    size_t nrecording;
+    bool missing; /* recordings that do not ship are not here; none is read */
+};
 
 /* ---- fits ---- */
 
@@ -321,25 +347,11 @@ enum error_code recording_read_log(const struct rig *rig, const char *joint,
  * variables keeps the bounds. Each prior counts as one measurement.
  */
 
-/* A free parameter of a fit. */
-struct fit_free {
-    int parameter;
-    const char *group; /* of recordings; NULL = all */
-    double start, lower, upper;
-    double expected, sigma; /* prior; sigma 0 = none */
-};
-
 struct fit_problem {
-    const struct rig *rig;           /* NULL for steady states */
-    double supply_v;                 /* without a rig */
-    const struct trial_robot *trial; /* initial values of the other parameters */
-    const struct bench_law *law;
-    const struct recording *recording; /* the recordings */
-    const bool *use;                   /* use[i]: fit to recording i; NULL = fit to all */
-    size_t nrecording, nfree;
-    struct fit_free free[IDENTIFY_FREE_MAX];
-    const struct bench_sigmas *sigmas; /* NULL = none */
-    double robust_rad;
+    const struct identify_bench *bench; /* its trial has the values of the other parameters */
+    const bool *use;                    /* use[i]: fit to recording i; NULL = fit to all */
+    size_t nfree;
+    struct bench_free free[IDENTIFY_FREE_MAX];
     int steps; /* largest number of iterations */
     void (*progress)(void *context, int step, double rms, enum signal signal);
     void *context;
@@ -367,17 +379,16 @@ struct fit_result {
     double sigma[IDENTIFY_FREE_MAX]; /* see find_covariance; NAN after an interrupt */
     double correlation[IDENTIFY_FREE_MAX][IDENTIFY_FREE_MAX];
     enum fit_verdict verdict[IDENTIFY_FREE_MAX];
-    double rms[SIGNALS]; /* of the recordings in the fit; 0 = not measured */
-    enum signal first;   /* the first measured signal */
-    double coherence;    /* rows that count as one independent measurement */
+    enum signal first; /* the first measured signal */
+    double coherence;  /* rows that count as one independent measurement */
     int simulations;
     struct trial_robot trial; /* has the fitted values */
 };
 
 /* Prepares a problem. The free parameters are those in key (nkey of them), else those of the bench.
  * Their bounds and priors are from the bench, if it has them. */
-enum error_code fit_prepare(const struct bench *bench, const char *const *key, size_t nkey,
-                            struct fit_problem *problem, struct error *error);
+enum error_code fit_prepare(struct fit_problem *problem, const char *const *key, size_t nkey,
+                            struct error *error);
 
 /* Solves a problem. After an interrupt the result has the best values so far. */
 enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *result,
@@ -426,7 +437,6 @@ struct simulation_error simulation_compare(const double *measured, const double 
  */
 enum { RESPONSE_BANDS = 100 };
 struct response {
-    bool is_step;
     double t10, t63, t90, overshoot; /* of a step; s, 1 */
     double gain;                     /* signal's unit by command's unit */
     double bandwidth, peak, peak_hz; /* of a sweep, Hz; peak: largest |H| */
@@ -438,23 +448,10 @@ struct response {
 void response_compute(const double *time, const double *command, const double *signal, size_t count,
                       struct response *response);
 
-/* ---- identifications ---- */
+/* ---- results ---- */
 
-enum { IDENTIFY_RECORDINGS_MAX = 64 };
-
-/* A bench with its rig and recordings, ready for simulations. */
-struct identify_bench {
-    struct bench bench;
-    const struct rig *rig; /* NULL for a bench that names a drive */
-    double supply_v;       /* of the rig or the drive */
-    struct trial_robot trial;
-    struct recording *recording;
-    size_t nrecording;
-    bool missing; /* recordings that do not ship were not found; none is read */
-};
-
-/* Mean errors per recording, in the unit of its first signal. crossed is negative if no fit left
- * out the recording. */
+/* Mean errors per recording, in the unit of its first signal. crossed is NAN if no fit left out
+ * the recording. */
 struct identify_result {
     struct fit_result fit;
     double start[IDENTIFY_RECORDINGS_MAX];               /* with the initial values */
@@ -478,30 +475,26 @@ enum error_code identify_open_own(const char *rig, const char *joint, struct are
 
 /* Replaces the recordings of the bench by these files. ERROR_INPUT if a recording of "run --record"
  * does not have a row for each tick. */
-
 enum error_code identify_take_files(struct identify_bench *bench, const char *const *file,
                                     size_t count, struct arena *arena, struct error *error);
 
 /* Fits the free parameters to all recordings except the validation recordings. With crossed, also
  * cross-validates: for each group, fits to the other groups. A recording without a group is its own
  * group. Memory is from arena. */
-enum error_code identify_run(const struct identify_bench *bench, struct fit_problem *problem,
-                             bool crossed, struct arena *arena, struct identify_result *result,
-                             struct error *error);
+enum error_code identify_run(struct fit_problem *problem, bool crossed, struct arena *arena,
+                             struct identify_result *result, struct error *error);
 
-/* Returns the mean of the errors that are not negative; a negative number if there are none. */
+/* Returns the mean of the errors that are numbers; NAN if there are none. */
 double identify_mean(const double *error, size_t count);
 
 /* Writes the drive file. A comment after each identified number gives its source and its
  * uncertainty. */
-enum error_code identify_write_drive(const struct identify_bench *bench,
-                                     const struct fit_problem *problem,
+enum error_code identify_write_drive(const struct fit_problem *problem,
                                      const struct identify_result *result, const char *path,
                                      struct error *error);
 
 /* Writes the page of an identification into a folder. */
-enum error_code identify_write_page(const struct identify_bench *bench,
-                                    const struct fit_problem *problem,
+enum error_code identify_write_page(const struct fit_problem *problem,
                                     const struct identify_result *result, const char *folder,
                                     struct error *error);
 
@@ -514,7 +507,6 @@ struct validation {
     double mean;   /* of the validation recordings, else of all; of points, a share */
     bool is_share; /* errors are shares, else in the unit of the first signal */
     bool passed;
-    bool missing;     /* recordings that do not ship were not found */
     size_t unchecked; /* number of recordings whose CRC-32 the bench file does not give */
 };
 

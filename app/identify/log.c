@@ -4,7 +4,6 @@
 #include "app/identify/identify.h"
 
 #include "base/array.h"
-#include "base/input_file.h"
 #include "canbus/candump.h"
 #include "rig/dbc.h"
 
@@ -27,20 +26,6 @@ struct log_source {
     enum command_kind command_kind;
     bool reported; /* the command is the state of the bridge that a board reports */
 };
-
-bool recording_is_log(const char *path)
-{
-    FILE *file;
-    int c = input_file_stream(path, &file, NULL) ? EOF : getc(file);
-
-    while (c == ' ') {
-        c = getc(file);
-    }
-    if (file) {
-        fclose(file);
-    }
-    return c == '(';
-}
 
 /* Returns whether a name ends with a word, or with a word and the number of an axis. */
 static bool ends_in(const char *name, const char *word)
@@ -127,8 +112,7 @@ static void find_log_current(struct log_source *source, const char *joint, const
 
 /* Finds the signal of the host's command: a voltage, a percentage of the supply, or a torque.
  * Without one, finds the state of the bridge that the board reports. */
-static bool find_log_command(struct log_source *source, const char *joint, const char *name,
-                             enum command_kind kind)
+static bool find_log_command(struct log_source *source, const char *joint, const char *name)
 {
     static const struct log_wanted kinds[] = {
         {.word = "set_point", .unit = "V", .commanded = true},
@@ -140,8 +124,8 @@ static bool find_log_command(struct log_source *source, const char *joint, const
     };
     struct log_wanted wanted = {.name = name};
 
-    if (name && find_log_signal(source, &wanted, &source->command)) {
-        source->command_kind = kind;
+    if (name) {
+        find_log_signal(source, &wanted, &source->command);
     }
     for (size_t i = 0; i < ARRAY_COUNT(kinds) && !source->command.signal; i++) {
         wanted = kinds[i];
@@ -177,21 +161,17 @@ static enum error_code open_source(const struct rig *rig, const char *joint,
     if (code) {
         return code;
     }
-    if (!find_angle(source, joint, columns->signal[SIGNAL_POSITION])) {
+    if (!find_angle(source, joint, columns->title[SIGNAL_POSITION])) {
         return error_set(error, ERROR_INPUT,
                          "found no signal with the angle of joint %s, expected its name as column "
                          "\"position\" of a bench (coman-hil dbc has the names)",
                          joint);
     }
     find_log_current(source, joint,
-                     columns->current_is_optional ? NULL : columns->signal[SIGNAL_CURRENT]);
+                     columns->current_is_optional ? NULL : columns->title[SIGNAL_CURRENT]);
+    source->command_kind = bench_command(columns);
     if (!find_log_command(source, joint,
-                          columns->voltage  ? columns->voltage
-                          : columns->torque ? columns->torque
-                                            : columns->set_current,
-                          columns->torque        ? COMMAND_TORQUE
-                          : columns->set_current ? COMMAND_CURRENT
-                                                 : COMMAND_VOLTAGE)) {
+                          columns->title[COLUMN_COMMAND + (int)source->command_kind])) {
         return error_set(error, ERROR_INPUT,
                          "found no signal with a voltage, a torque or a current for joint %s, "
                          "expected its name as column \"voltage\", \"torque\" or "
@@ -299,24 +279,22 @@ static enum error_code read_frames(const struct log_source *source, const char *
 }
 
 enum error_code recording_read_log(const struct rig *rig, const char *joint,
-                                   const struct bench_columns *columns, const char *path,
-                                   struct arena *arena, struct recording *r, struct error *error)
+                                   const struct bench_columns *columns, struct arena *arena,
+                                   struct recording *r, struct error *error)
 {
     struct log_source source;
     size_t count = 0;
     enum error_code code = open_source(rig, joint, columns, arena, &source, error);
 
-    *r = (struct recording){.file = arena_strdup(arena, path),
-                            .group = "",
-                            .gain = 1.0,
-                            .voltage_before = true,
-                            .command = source.command_kind};
-    code = code ? code : read_frames(&source, path, 0, r, &count, error);
+    r->gain = 1.0;
+    r->voltage_before = true;
+    r->command = source.command_kind;
+    code = code ? code : read_frames(&source, r->file, 0, r, &count, error);
     if (!code && count < 16) {
         code = error_set(error, ERROR_INPUT,
                          "%.200s: found %zu angles of joint %s (%s) behind a first command (%s), "
                          "expected 16 or more frames, of an interface or a bus of the rig",
-                         path, count, joint, source.position.signal->name,
+                         r->file, count, joint, source.position.signal->name,
                          source.command.signal->name);
     }
     const bool has[SIGNALS] = {
@@ -326,5 +304,5 @@ enum error_code recording_read_log(const struct rig *rig, const char *joint,
         return code;
     }
     r->count = count;
-    return read_frames(&source, path, count, r, &count, error);
+    return read_frames(&source, r->file, count, r, &count, error);
 }

@@ -22,14 +22,12 @@ static void plot_steady(struct report *report, const char *id, const struct reco
         svg_line("computed", r->goal, loss, r->count, SVG_MARKERS),
         svg_line("measured", r->goal, r->signal[SIGNAL_LOSS], r->count, SVG_MARKERS)};
     const struct svg_plot panel = svg_panel("", "load, N m", "losses / measured", series, 2);
-    const char *slash = strrchr(r->file, '/');
     char caption[256];
 
     snprintf(caption, sizeof caption,
              "%.120s: losses as shares of those measured, median error %.1f %%; mean error of the "
              "efficiency %.1f points",
-             slash ? slash + 1 : r->file, 100.0 * point_loss_error(r, loss),
-             100.0 * point_efficiency_error(r, loss));
+             r->name, 100.0 * point_loss_error(r, loss), 100.0 * point_efficiency_error(r, loss));
     report_figure(report, id, caption, &panel, 1);
 }
 
@@ -43,7 +41,6 @@ static void identify_plot(struct report *report, const char *id, const struct re
     double frequency[SPECTRUM_LINES], amplitude[SPECTRUM_LINES];
     double *residual = calloc(r->count, sizeof *residual);
     const struct simulation_error found = simulation_compare(measured, simulated, r->count);
-    const char *slash = strrchr(r->file, '/');
 
     if (signal == SIGNAL_LOSS) {
         free(residual);
@@ -99,20 +96,16 @@ static void identify_plot(struct report *report, const char *id, const struct re
         caption, sizeof caption,
         "%.100s, %s: mean error %.4f %s, RMS %.4f %s (%.1f %%), at worst %.3f %s; the residual "
         "and its spectrum",
-        slash ? slash + 1 : r->file, name, found.mean, unit, found.rms, unit, 100.0 * found.share,
-        found.worst, unit);
+        r->name, name, found.mean, unit, found.rms, unit, 100.0 * found.share, found.worst, unit);
     report_figure(report, id, caption, panel, 3);
     free(residual);
 }
 
-/* Formats a number; "-" if there is none. */
-static const char *number_text(double value, char text[32])
+/* Formats a number by the conversion 'f' or 'g'; "-" if there is none. */
+static const char *number_text(double value, char conversion, char text[32])
 {
-    if (!isfinite(value)) {
-        return "-";
-    }
-    snprintf(text, 32, "%.4g", value);
-    return text;
+    snprintf(text, 32, conversion == 'f' ? "%.4f" : "%.4g", value);
+    return isfinite(value) ? text : "-";
 }
 
 /* Adds a row of a response to the table. */
@@ -125,10 +118,11 @@ static void add_response(struct report *report, const char *file, const char *wh
 
     response_compute(r->time, recording_command(r, law), value, r->count, &of);
     report_row(report, "%s|%s|%s|%s|%s|%s|%s|%s|%s|%s", file, what,
-               number_text(1e3 * of.t10, text[0]), number_text(1e3 * of.t63, text[1]),
-               number_text(1e3 * of.t90, text[2]), number_text(100.0 * of.overshoot, text[3]),
-               number_text(of.gain, text[4]), number_text(of.bandwidth, text[5]),
-               number_text(of.peak, text[6]), number_text(of.peak_hz, text[7]));
+               number_text(1e3 * of.t10, 'g', text[0]), number_text(1e3 * of.t63, 'g', text[1]),
+               number_text(1e3 * of.t90, 'g', text[2]),
+               number_text(100.0 * of.overshoot, 'g', text[3]), number_text(of.gain, 'g', text[4]),
+               number_text(of.bandwidth, 'g', text[5]), number_text(of.peak, 'g', text[6]),
+               number_text(of.peak_hz, 'g', text[7]));
 }
 
 /* Adds the errors of all signals, the table of responses, and the plots. `simulated` has an entry
@@ -144,16 +138,13 @@ static void add_recordings(struct report *report, const struct identify_bench *b
                  "recording|signal|unit|mean error|RMS error|RMS error, %|largest error");
     for (size_t i = 0; i < bench->nrecording; i++) {
         const struct recording *r = &bench->recording[i];
-        const char *slash = strrchr(r->file, '/');
-
         for (size_t s = 0; s < SIGNALS; s++) {
             if (r->signal[s]) {
                 const struct simulation_error off =
                     simulation_compare(r->signal[s], simulated[i].signal[s], r->count);
 
-                report_row(report, "%s|%s|%s|%.4g|%.4g|%.2f|%.4g", slash ? slash + 1 : r->file,
-                           signal_kinds[s].key, signal_kinds[s].unit, off.mean, off.rms,
-                           100.0 * off.share, off.worst);
+                report_row(report, "%s|%s|%s|%.4g|%.4g|%.2f|%.4g", r->name, signal_kinds[s].key,
+                           signal_kinds[s].unit, off.mean, off.rms, 100.0 * off.share, off.worst);
             }
         }
     }
@@ -168,14 +159,11 @@ static void add_recordings(struct report *report, const struct identify_bench *b
     for (size_t i = 0; i < bench->nrecording; i++) {
         const struct recording *r = &bench->recording[i];
         const enum signal first = recording_first(r);
-        const char *slash = strrchr(r->file, '/');
-
         if (first == SIGNAL_LOSS) {
             continue;
         }
-        add_response(report, slash ? slash + 1 : r->file, "measured", r, law, r->signal[first]);
-        add_response(report, slash ? slash + 1 : r->file, "simulated", r, law,
-                     simulated[i].signal[first]);
+        add_response(report, r->name, "measured", r, law, r->signal[first]);
+        add_response(report, r->name, "simulated", r, law, simulated[i].signal[first]);
     }
     for (size_t i = 0; i < bench->nrecording; i++) {
         for (size_t s = 0; s < SIGNALS; s++) {
@@ -187,16 +175,6 @@ static void add_recordings(struct report *report, const struct identify_bench *b
             }
         }
     }
-}
-
-/* Returns the text of an error, "-" if there is none. */
-static const char *error_text(double error, char text[32])
-{
-    if (error < 0.0) {
-        return "-";
-    }
-    snprintf(text, 32, "%.4f", error);
-    return text;
 }
 
 /* Adds the table of parameters, and a list of those that the data do not determine. */
@@ -213,15 +191,15 @@ static void add_numbers(struct report *report, const struct fit_problem *problem
     report_table(report, "identified", "Numbers that were free",
                  "key|what|start|found|sigma|sigma, %|bounds|prior|verdict");
     for (size_t i = 0; i < problem->nfree; i++) {
-        const struct fit_free *free = &problem->free[i];
+        const struct bench_free *free = &problem->free[i];
         char prior[64] = "-";
 
         if (free->sigma > 0.0) {
             snprintf(prior, sizeof prior, "%.4g +- %.2g", free->expected, free->sigma);
         }
         report_row(report, "%s|%s|%.4g|%.5g|%.2g|%.1f|%.3g to %.3g|%s|%s",
-                   parameter_key(free->parameter), parameter_meaning(free->parameter), free->start,
-                   fit->value[i], fit->sigma[i],
+                   parameters[free->parameter].key, parameters[free->parameter].meaning,
+                   free->start, fit->value[i], fit->sigma[i],
                    100.0 * fit->sigma[i] / fmax(fabs(fit->value[i]), 1e-300), free->lower,
                    free->upper, prior, word_of(fit_verdict_words, (int)fit->verdict[i]));
     }
@@ -230,18 +208,18 @@ static void add_numbers(struct report *report, const struct fit_problem *problem
     for (size_t i = 0; i < problem->nfree; i++) {
         for (size_t k = 0; k < i; k++) {
             if (fabs(fit->correlation[i][k]) > CORRELATED) {
-                report_row(report, "%s|%s|%.3f", parameter_key(problem->free[k].parameter),
-                           parameter_key(problem->free[i].parameter), fit->correlation[i][k]);
+                report_row(report, "%s|%s|%.3f", parameters[problem->free[k].parameter].key,
+                           parameters[problem->free[i].parameter].key, fit->correlation[i][k]);
             }
         }
     }
 }
 
-enum error_code identify_write_page(const struct identify_bench *bench,
-                                    const struct fit_problem *problem,
+enum error_code identify_write_page(const struct fit_problem *problem,
                                     const struct identify_result *result, const char *folder,
                                     struct error *error)
 {
+    const struct identify_bench *bench = problem->bench;
     static struct report report;
     char text[3][32];
     enum error_code code = report_open(&report, folder, "A drive identified", error);
@@ -258,17 +236,15 @@ enum error_code identify_write_page(const struct identify_bench *bench,
     report_table(&report, "recordings", "Mean of |simulated - measured| of the first signal",
                  "recording|group|at the start|fitted|cross-validated|");
     for (size_t i = 0; i < bench->nrecording; i++) {
-        const char *slash = strrchr(bench->recording[i].file, '/');
-
-        report_row(&report, "%s|%s|%.4f|%.4f|%s|%s", slash ? slash + 1 : bench->recording[i].file,
+        report_row(&report, "%s|%s|%.4f|%.4f|%s|%s", bench->recording[i].name,
                    bench->recording[i].group, result->start[i], result->fitted[i],
-                   error_text(result->crossed[i], text[0]),
+                   number_text(result->crossed[i], 'f', text[0]),
                    bench->recording[i].judge ? "not fitted to" : "");
     }
     report_row(&report, "mean||%s|%s|%s|",
-               error_text(identify_mean(result->start, bench->nrecording), text[0]),
-               error_text(identify_mean(result->fitted, bench->nrecording), text[1]),
-               error_text(identify_mean(result->crossed, bench->nrecording), text[2]));
+               number_text(identify_mean(result->start, bench->nrecording), 'f', text[0]),
+               number_text(identify_mean(result->fitted, bench->nrecording), 'f', text[1]),
+               number_text(identify_mean(result->crossed, bench->nrecording), 'f', text[2]));
     for (size_t i = 0; i < bench->bench.npublished; i++) {
         report_row(&report, "%s||||%.4f|published", bench->bench.published[i].what,
                    bench->bench.published[i].error_rad);
@@ -323,7 +299,7 @@ static void add_bench(struct report *report, const struct validation *v)
         add_points(report, v);
         return;
     }
-    if (v->missing) {
+    if (v->bench.missing) {
         report_text(report, "The recordings are not here. %s", bench->obtain);
         return;
     }
@@ -333,10 +309,8 @@ static void add_bench(struct report *report, const struct validation *v)
                              : "Mean of |simulated - measured|, rad",
                  "recording|error|");
     for (size_t i = 0; i < v->bench.nrecording; i++) {
-        const char *slash = strrchr(v->bench.recording[i].file, '/');
-
-        report_row(report, "%s|%.4f|%s", slash ? slash + 1 : v->bench.recording[i].file,
-                   v->error[i], v->bench.recording[i].judge ? "judged" : "");
+        report_row(report, "%s|%.4f|%s", v->bench.recording[i].name, v->error[i],
+                   v->bench.recording[i].judge ? "judged" : "");
     }
     for (size_t i = 0; i < bench->npublished; i++) {
         report_row(report, "%s|%.4f|published", bench->published[i].what,
@@ -364,7 +338,7 @@ enum error_code validation_write_page(const struct validation *validation, size_
         const struct bench *bench = &validation[i].bench.bench;
         const bool share = validation[i].is_share;
         const double scale = share ? 100.0 : 1.0;
-        double best = -1.0;
+        double best = NAN;
         char text[32];
 
         /* Add a bench to the summary, with its errors in rad, or in % for points */
@@ -372,11 +346,11 @@ enum error_code validation_write_page(const struct validation *validation, size_
             const double one =
                 share ? bench->published[k].error_share : bench->published[k].error_rad;
 
-            best = best < 0.0 || one < best ? one : best;
+            best = fmin(best, one);
         }
         report_row(&report, "%s|%s|%s|%.4f|%s|%.4f|%s", bench->name,
                    bench->description ? bench->description : "", validation_unit(&validation[i]),
-                   scale * validation[i].mean, error_text(scale * best, text),
+                   scale * validation[i].mean, number_text(scale * best, 'f', text),
                    scale * (share ? bench->limit_share : bench->limit_rad),
                    validation_verdict(&validation[i]));
     }

@@ -51,7 +51,6 @@ static void compute_step(const double *time, const double *command, const double
     const double share[] = {0.1, 0.63, 0.9};
     double *const found[] = {&r->t10, &r->t63, &r->t90};
 
-    r->is_step = true;
     r->gain = rise / (command[change] - command[0]);
     for (int i = 0; i < 3; i++) {
         *found[i] = find_crossing(time, signal, change, count, begin + share[i] * rise, sense) -
