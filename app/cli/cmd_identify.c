@@ -44,12 +44,8 @@ static size_t split_keys(char *text, const char *key[IDENTIFY_FREE_MAX + 1])
 {
     size_t count = 0;
 
-    for (char *at = text, *next; at && count <= IDENTIFY_FREE_MAX; at = next) {
-        next = strchr(at, ',');
-        if (next) {
-            *next++ = '\0';
-        }
-        key[count++] = at;
+    while (text && count <= IDENTIFY_FREE_MAX) {
+        key[count++] = strsep(&text, ",");
     }
     return count;
 }

@@ -566,6 +566,11 @@ const double *recording_command(const struct recording *recording, const struct 
     return law->duty_per_rad > 0.0 ? recording->goal : recording->voltage;
 }
 
+bool recording_is_with(const struct recording *one, const struct recording *other)
+{
+    return one == other || (one->group[0] && !strcmp(one->group, other->group));
+}
+
 enum signal recording_first(const struct recording *recording)
 {
     size_t first = 0;

@@ -64,7 +64,7 @@ static void write_keys(const struct fit_problem *problem, const struct identify_
     const struct trial_robot *made = &result->fit.trial;
 
     fprintf(out, "drive:\n");
-    for (int i = 0; i < (int)parameter_count(); i++) {
+    for (int i = 0; i < parameter_count; i++) {
         const int free = find_free(problem, i);
         const double value = parameter_get(made, i);
 

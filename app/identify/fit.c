@@ -46,6 +46,12 @@ struct fit {
     double level;      /* error of one independent measurement, which scales the priors */
     double weight[SIGNALS];
     double *work; /* residuals for nfree + 1 sets of variables, m each */
+    /* Sets of variables that are simulated in parallel. A job is one recording with one set. */
+    const double *u; /* nset sets of nfree variables */
+    double *out;     /* nset sets of m residuals */
+    size_t nset;
+    atomic_size_t job;
+    atomic_bool failed;
     atomic_int simulations;
     int step;
     struct error *error;
@@ -164,30 +170,21 @@ static void prior_residuals(const struct fit *fit, const double *u, double *out)
     }
 }
 
-/* Sets of variables that are simulated in parallel. A job is one recording with one set. */
-struct batch {
-    struct fit *fit;
-    const double *u; /* nset sets of nfree variables */
-    size_t nset;
-    double *out; /* nset sets of m residuals */
-    atomic_size_t next;
-    atomic_bool failed;
-};
-
 /* Returns whether the fit uses a recording. */
 static bool is_used(const struct fit_problem *problem, size_t recording)
 {
-    return !problem->use || problem->use[recording];
+    const struct recording *r = &problem->bench->recording[recording];
+
+    return !r->judge && !(problem->left_out && recording_is_with(r, problem->left_out));
 }
 
 static void *run_jobs(void *context)
 {
-    struct batch *batch = context;
-    struct fit *fit = batch->fit;
+    struct fit *fit = context;
     const size_t n = fit->problem->bench->nrecording;
     size_t job;
 
-    while ((job = atomic_fetch_add(&batch->next, 1)) < n * batch->nset) {
+    while ((job = atomic_fetch_add(&fit->job, 1)) < n * fit->nset) {
         const size_t set = job / n, recording = job % n;
         struct error error;
         enum error_code code;
@@ -195,9 +192,9 @@ static void *run_jobs(void *context)
         if (!is_used(fit->problem, recording)) {
             continue;
         }
-        code = residuals_of(fit, recording, batch->u + set * fit->problem->nfree,
-                            batch->out + set * fit->m + fit->first[recording], &error);
-        if (code && !atomic_exchange(&batch->failed, true)) {
+        code = residuals_of(fit, recording, fit->u + set * fit->problem->nfree,
+                            fit->out + set * fit->m + fit->first[recording], &error);
+        if (code && !atomic_exchange(&fit->failed, true)) {
             *fit->error = error;
             fit->code = code;
         }
@@ -208,16 +205,19 @@ static void *run_jobs(void *context)
 /* Computes the residuals of several sets of variables on all processors. */
 static void run_batch(struct fit *fit, const double *u, size_t nset, double *out)
 {
-    struct batch batch = {.fit = fit, .u = u, .nset = nset, .out = out};
     const long processors = sysconf(_SC_NPROCESSORS_ONLN);
     pthread_t thread[THREADS_MAX];
     int count = 0;
 
+    fit->u = u;
+    fit->nset = nset;
+    fit->out = out;
+    atomic_store(&fit->job, 0);
     while (count + 1 < processors && count + 1 < THREADS_MAX &&
-           !pthread_create(&thread[count], NULL, run_jobs, &batch)) {
+           !pthread_create(&thread[count], NULL, run_jobs, fit)) {
         count++;
     }
-    run_jobs(&batch);
+    run_jobs(fit);
     while (count > 0) {
         pthread_join(thread[--count], NULL);
     }
@@ -531,12 +531,6 @@ static void prepare_free(const struct identify_bench *bench, struct bench_free *
     free->upper = yaml_has(&free->mark, "upper") ? free->upper : upper;
 }
 
-/* Returns whether both texts are NULL, or equal. */
-static bool same_text(const char *a, const char *b)
-{
-    return a && b ? strcmp(a, b) == 0 : a == b;
-}
-
 enum error_code fit_prepare(struct fit_problem *problem, const char *const *key, size_t nkey,
                             struct error *error)
 {
@@ -551,7 +545,8 @@ enum error_code fit_prepare(struct fit_problem *problem, const char *const *key,
         }
         for (size_t k = 0; k < problem->nfree; k++) {
             if (problem->free[k].parameter == one.parameter &&
-                same_text(problem->free[k].group, one.group)) {
+                !strcmp(problem->free[k].group ? problem->free[k].group : "",
+                        one.group ? one.group : "")) {
                 return error_set(error, ERROR_INPUT, "found \"%.63s\" again, expected it once",
                                  one.key);
             }

@@ -19,9 +19,12 @@ static const double RANGES_MAX = 1.5;
  * and measured currents can raise the mean error a little. */
 static const double WORSE = 1.05;
 
-/* Replaces the drive's numbers by the numbers of a bench. */
+/* Copies the effects of the drive, and replaces its numbers by the numbers of a bench. */
 static void set_numbers(struct identify_bench *bench)
 {
+    if (bench->trial.joint.sea.effects) {
+        bench->trial.effects = *bench->trial.joint.sea.effects;
+    }
     for (size_t i = 0; i < bench->bench.nnumber; i++) {
         const int parameter = parameter_find(bench->bench.number[i].name);
 
@@ -50,9 +53,6 @@ static enum error_code load_bench_drive(struct arena *arena, struct identify_ben
     if (!code) {
         bench->supply_v = drive->supply_v;
         bench->trial = (struct trial_robot){.joint = {.name = "the drive", .sea = drive->sea}};
-        if (drive->sea.effects) {
-            bench->trial.effects = *drive->sea.effects;
-        }
         set_numbers(bench);
     }
     return code;
@@ -72,9 +72,6 @@ static enum error_code trial_robot_copy(const struct robot *robot, struct trial_
     *trial = (struct trial_robot){
         .robot = *robot, .joint = robot->joint[0], .bench = {.command_gain = 1.0}};
     memcpy(trial->body, robot->body, sizeof trial->body);
-    if (trial->joint.sea.effects) {
-        trial->effects = *trial->joint.sea.effects;
-    }
     return ERROR_NONE;
 }
 
@@ -319,19 +316,12 @@ static double mean_used(const struct identify_bench *bench, const double *error)
     return identify_mean(used, bench->nrecording);
 }
 
-/* Returns whether two recordings belong to one group for cross-validation. */
-static bool same_group(const struct recording *recording, size_t a, size_t b)
-{
-    return a == b || (recording[a].group[0] && !strcmp(recording[a].group, recording[b].group));
-}
-
 /* Fits to all groups except the group of a recording, and computes the errors of that group. */
 static enum error_code run_fold(const struct fit_problem *problem, size_t left_out,
                                 struct arena *arena, struct identify_result *result,
                                 struct error *error)
 {
     const struct identify_bench *bench = problem->bench;
-    bool use[IDENTIFY_RECORDINGS_MAX];
     double all[IDENTIFY_RECORDINGS_MAX];
     struct fit_problem fold = *problem;
     struct fit_result fit;
@@ -339,17 +329,17 @@ static enum error_code run_fold(const struct fit_problem *problem, size_t left_o
     enum error_code code;
 
     for (size_t i = 0; i < bench->nrecording; i++) {
-        use[i] = !bench->recording[i].judge && !same_group(bench->recording, i, left_out);
-        used += use[i];
+        used += !bench->recording[i].judge &&
+                !recording_is_with(&bench->recording[i], &bench->recording[left_out]);
     }
     if (used == 0) {
         return ERROR_NONE;
     }
-    fold.use = use;
+    fold.left_out = &bench->recording[left_out];
     code = fit_solve(&fold, &fit, error);
     code = code ? code : judge_all(bench, &fit.trial, false, arena, all, NULL, NULL, error);
     for (size_t i = 0; i < bench->nrecording && !code; i++) {
-        if (!bench->recording[i].judge && same_group(bench->recording, i, left_out)) {
+        if (!bench->recording[i].judge && recording_is_with(&bench->recording[i], fold.left_out)) {
             result->crossed[i] = all[i];
         }
     }
@@ -371,17 +361,14 @@ enum error_code identify_run(struct fit_problem *problem, bool crossed, struct a
 {
     const struct identify_bench *bench = problem->bench;
     const double begin = now_s();
-    bool use[IDENTIFY_RECORDINGS_MAX];
     enum error_code code;
 
     *result = (struct identify_result){.nfold = 0};
     for (size_t i = 0; i < bench->nrecording; i++) {
-        use[i] = !bench->recording[i].judge;
         result->crossed[i] = NAN;
     }
 
     /* Fit, then compute the errors of all recordings with the start values and with the fit */
-    problem->use = use;
     code = judge_all(bench, &bench->trial, false, arena, result->start, NULL, NULL, error);
     code = code ? code : fit_solve(problem, &result->fit, error);
     code = code ? code
@@ -398,12 +385,11 @@ enum error_code identify_run(struct fit_problem *problem, bool crossed, struct a
 
     /* Cross-validate: one fold per group */
     for (size_t i = 0; i < bench->nrecording && crossed && !code && !result->failure[0]; i++) {
-        if (use[i] && !(problem->interrupted && *problem->interrupted) &&
+        if (!bench->recording[i].judge && !(problem->interrupted && *problem->interrupted) &&
             isnan(result->crossed[i])) {
             code = run_fold(problem, i, arena, result, error);
         }
     }
-    problem->use = NULL;
     result->spent_s = now_s() - begin;
     return code;
 }

@@ -59,9 +59,7 @@ extern const struct parameter {
     size_t offset; /* in struct trial_robot */
     enum scale scale;
 } parameters[];
-
-/* Returns the number of parameters. */
-size_t parameter_count(void);
+extern const int parameter_count;
 
 /* Numbers of the test bench that the robot file does not contain. */
 struct bench_numbers {
@@ -310,6 +308,9 @@ void recording_take_zero(struct recording *recording, enum bench_zero zero);
 /* Returns the recorded command: goals if the bench has a law, else voltages or torques. */
 const double *recording_command(const struct recording *recording, const struct bench_law *law);
 
+/* Returns whether two recordings belong to one group. */
+bool recording_is_with(const struct recording *one, const struct recording *other);
+
 /* Returns the first signal of a recording, which judges it. */
 enum signal recording_first(const struct recording *recording);
 
@@ -349,7 +350,7 @@ struct identify_bench {
 
 struct fit_problem {
     const struct identify_bench *bench; /* its trial has the values of the other parameters */
-    const bool *use;                    /* use[i]: fit to recording i; NULL = fit to all */
+    const struct recording *left_out;   /* its group is not fitted to; NULL = none */
     size_t nfree;
     struct bench_free free[IDENTIFY_FREE_MAX];
     int steps; /* largest number of iterations */

@@ -4,6 +4,7 @@
 #include "app/identify/identify.h"
 
 #include "base/array.h"
+#include "base/text.h"
 #include "canbus/candump.h"
 #include "rig/dbc.h"
 
@@ -74,6 +75,15 @@ static bool find_log_signal(const struct log_source *source, const struct log_wa
     return false;
 }
 
+/* Finds a signal in the message of the position, or none. */
+static void find_beside(const struct log_source *source, const struct log_wanted *wanted,
+                        struct log_signal *found)
+{
+    if (!find_log_signal(source, wanted, found) || found->message != source->position.message) {
+        found->signal = NULL;
+    }
+}
+
 /* Finds the signal of the joint's angle. For the angle of a rotor, also finds the deflection of the
  * spring. */
 static bool find_angle(struct log_source *source, const char *joint, const char *name)
@@ -89,25 +99,11 @@ static bool find_angle(struct log_source *source, const char *joint, const char 
         wanted = (struct log_wanted){.word = words[i], .joint = joint, .unit = "rad"};
         if (find_log_signal(source, &wanted, &source->position)) {
             wanted.word = "deflection";
-            if (find_log_signal(source, &wanted, &source->deflection) &&
-                source->deflection.message != source->position.message) {
-                source->deflection.signal = NULL;
-            }
+            find_beside(source, &wanted, &source->deflection);
             return true;
         }
     }
     return false;
-}
-
-/* Finds the signal of the motor's current that comes with each angle. */
-static void find_log_current(struct log_source *source, const char *joint, const char *name)
-{
-    const struct log_wanted wanted = {.name = name, .word = "current", .joint = joint, .unit = "A"};
-
-    if (!find_log_signal(source, &wanted, &source->current) ||
-        source->current.message != source->position.message) {
-        source->current.signal = NULL;
-    }
 }
 
 /* Finds the signal of the host's command: a voltage, a percentage of the supply, or a torque.
@@ -167,8 +163,13 @@ static enum error_code open_source(const struct rig *rig, const char *joint,
                          "\"position\" of a bench (coman-hil dbc has the names)",
                          joint);
     }
-    find_log_current(source, joint,
-                     columns->current_is_optional ? NULL : columns->title[SIGNAL_CURRENT]);
+    find_beside(source,
+                &(struct log_wanted){
+                    .name = columns->current_is_optional ? NULL : columns->title[SIGNAL_CURRENT],
+                    .word = "current",
+                    .joint = joint,
+                    .unit = "A"},
+                &source->current);
     source->command_kind = bench_command(columns);
     if (!find_log_command(source, joint,
                           columns->title[COLUMN_COMMAND + (int)source->command_kind])) {
@@ -189,16 +190,12 @@ static bool read_signal(const struct log_source *source, const struct log_signal
            dbc_read_signal(of->message, of->signal, frame, value);
 }
 
-/* Returns the index of the bus on this interface, or nbus if there is none. */
-static size_t find_bus(const struct rig *rig, const char *name)
+/* Returns the index of the bus with this name or interface, or -1. */
+static int find_bus(const struct rig *rig, const char *name)
 {
-    size_t bus = 0;
+    const int bus = rig_find_bus(rig, name);
 
-    while (bus < rig->nbus && strcmp(rig->bus[bus].name, name) != 0 &&
-           strcmp(rig->bus[bus].interface, name) != 0) {
-        bus++;
-    }
-    return bus;
+    return bus >= 0 ? bus : TEXT_FIND(rig->bus, rig->nbus, interface, name);
 }
 
 /* The present command, and its integral over time since the last row. */
@@ -236,9 +233,10 @@ static enum error_code read_frames(const struct log_source *source, const char *
         return code;
     }
     while (!(code = candump_next(&reader, &frame, name, &end, error)) && !end) {
-        const size_t bus = find_bus(source->rig, name);
+        const int found = find_bus(source->rig, name);
+        const size_t bus = (size_t)found;
 
-        if (bus == source->rig->nbus) {
+        if (found < 0) {
             continue;
         }
         if (read_signal(source, &source->command, bus, &frame, &angle)) {

@@ -39,14 +39,14 @@ static void identify_plot(struct report *report, const char *id, const struct re
     const double *measured = r->signal[signal];
     const char *unit = signal_kinds[signal].unit, *name = signal_kinds[signal].key;
     double frequency[SPECTRUM_LINES], amplitude[SPECTRUM_LINES];
-    double *residual = calloc(r->count, sizeof *residual);
+    double *residual;
     const struct simulation_error found = simulation_compare(measured, simulated, r->count);
 
     if (signal == SIGNAL_LOSS) {
-        free(residual);
         plot_steady(report, id, r, simulated);
         return;
     }
+    residual = calloc(r->count, sizeof *residual);
     if (!residual) {
         report_text(report, "There was no memory for the plots of this recording.");
         return;
@@ -138,6 +138,7 @@ static void add_recordings(struct report *report, const struct identify_bench *b
                  "recording|signal|unit|mean error|RMS error|RMS error, %|largest error");
     for (size_t i = 0; i < bench->nrecording; i++) {
         const struct recording *r = &bench->recording[i];
+
         for (size_t s = 0; s < SIGNALS; s++) {
             if (r->signal[s]) {
                 const struct simulation_error off =
@@ -159,6 +160,7 @@ static void add_recordings(struct report *report, const struct identify_bench *b
     for (size_t i = 0; i < bench->nrecording; i++) {
         const struct recording *r = &bench->recording[i];
         const enum signal first = recording_first(r);
+
         if (first == SIGNAL_LOSS) {
             continue;
         }

@@ -91,35 +91,11 @@ enum error_code parameter_check(const char *key, int *parameter, struct error *e
                            "a number that can be identified");
 }
 
-size_t parameter_count(void)
-{
-    return ARRAY_COUNT(parameters);
-}
-
-/* Returns the address of a parameter in a trial. */
-static double *parameter_at(struct trial_robot *trial, int parameter)
-{
-    return (double *)(void *)((char *)trial + parameters[parameter].offset);
-}
+const int parameter_count = (int)ARRAY_COUNT(parameters);
 
 double parameter_get(const struct trial_robot *trial, int parameter)
 {
-    struct trial_robot copy = *trial;
-
-    return *parameter_at(&copy, parameter);
-}
-
-/* Returns whether a key is in the list of free parameters. */
-static bool is_free(const int *parameter, size_t count, const char *key)
-{
-    const int sought = parameter_find(key);
-
-    for (size_t i = 0; i < count; i++) {
-        if (parameter[i] == sought) {
-            return true;
-        }
-    }
-    return false;
+    return *(const double *)(const void *)((const char *)trial + parameters[parameter].offset);
 }
 
 void parameter_set(struct trial_robot *trial, const int *parameter, const double *value,
@@ -127,20 +103,22 @@ void parameter_set(struct trial_robot *trial, const int *parameter, const double
 {
     struct robot_load_friction *load = &trial->effects.load;
     const double ratio = trial->joint.sea.Kw / trial->joint.sea.Kt;
+    bool free[ARRAY_COUNT(parameters)] = {false};
 
     for (size_t i = 0; i < count; i++) {
-        *parameter_at(trial, parameter[i]) = value[i];
+        *(double *)(void *)((char *)trial + parameters[parameter[i]].offset) = value[i];
+        free[parameter[i]] = true;
     }
 
     /* Set the parameters that depend on free ones, unless they are free too */
-    if (is_free(parameter, count, "NKt_nm_a") && !is_free(parameter, count, "NKw_v_s_rad")) {
+    if (free[parameter_find("NKt_nm_a")] && !free[parameter_find("NKw_v_s_rad")]) {
         trial->joint.sea.Kw = ratio * trial->joint.sea.Kt;
     }
-    if (is_free(parameter, count, "load_motor") && !is_free(parameter, count, "load_external")) {
+    if (free[parameter_find("load_motor")] && !free[parameter_find("load_external")]) {
         load->external = load->motor;
     }
-    if (is_free(parameter, count, "load_motor_stribeck") &&
-        !is_free(parameter, count, "load_external_stribeck")) {
+    if (free[parameter_find("load_motor_stribeck")] &&
+        !free[parameter_find("load_external_stribeck")]) {
         load->external_stribeck = load->motor_stribeck;
     }
     trial->effects.breakaway = trial->effects.stribeck > 0.0

@@ -14,10 +14,13 @@
 /* Duration over which the initial position of a recording is averaged, s. */
 #define START_S 0.02
 
-/* Puts the mount of the output in place: an inertia about the joint's axis without gravity, behind
- * the spring of a load cell at the angle `start`. */
-static void mount_output(struct trial_robot *trial, double start)
+/* Completes a trial in place: sets the pointers to its own parts, and adds the arm's mass. Puts the
+ * mount of the output in place: an inertia about the joint's axis without gravity, behind the
+ * spring of a load cell at the angle `start`. Like the
+ * reader of a robot file, it enables the effects only if one is set. */
+static void settle_trial(struct trial_robot *trial, double start)
 {
+    static const struct robot_effects none;
     const struct bench_mount *mount = &trial->mount;
 
     if (mount->inertia_kg_m2 > 0.0) {
@@ -29,16 +32,6 @@ static void mount_output(struct trial_robot *trial, double start)
         trial->joint.passive =
             (struct robot_passive){.stiffness = mount->lock_nm_rad, .rest = start};
     }
-}
-
-/* Completes a trial in place: sets the pointers to its own parts, and adds the arm's mass. Like the
- * reader of a robot file, it enables the effects only if one is set. */
-static void settle_trial(struct trial_robot *trial, double start)
-{
-    static const struct robot_effects none;
-
-    mount_output(trial, start);
-
     if (trial->bench.arm_kg > 0.0) {
         struct robot_inertia *inertia = &trial->body[1].inertia;
 
