@@ -55,9 +55,9 @@
  * fast is repeated in 4 parts. The amount of work is bounded and deterministic.
  *
  * Passive drives. The scheme is dissipative for linear drives, but not at every event of friction
- * and play. A plant that is one drive with effects and has no input repeats a step whose energy
- * rises: first with the drive as a stiff drive, then in 16 implicit Euler steps, which are
- * dissipative for monotone forces of any stiffness.
+ * and play. A robot of joints with effects and no input repeats a step in which its joints make
+ * energy: first with stiff drives, then in 16 implicit Euler steps, which are dissipative for
+ * monotone forces of any stiffness.
  */
 #include "model/implicit/implicit.h"
 
@@ -76,6 +76,10 @@
  * of 1 ms this is 12 rad/s. */
 #define TURN_QUARTER 0.012
 
+/* What springs, drives and stops of several joints must make, as a multiple of the error of the
+ * motion, for a step to be repeated. */
+#define MOTION_ERROR 100.0
+
 /* Returns the number nearer to zero, or zero if the signs differ (minmod). */
 static double smaller_slope(double x, double y)
 {
@@ -89,6 +93,24 @@ static void account_stage(struct plant *plant, double weight)
 
     im->work[WORK_CONTACT] += weight * im->contact_power;
     im->work[WORK_PUSH] += weight * im->load.push;
+}
+
+/* Adds the torques on the joints of a plant without input over weight seconds. At the end of a
+ * step, adds their work: the impulse times the mean rate is what a constant mass matrix gains. */
+static void account_impulse(struct plant *plant, double weight, bool ends)
+{
+    struct implicit *im = plant->implicit;
+    const size_t njoint = plant->config.robot->njoint, first = plant->config.robot->nv - njoint;
+
+    for (size_t j = 0; j < njoint && im->passive; j++) {
+        const double rate = 0.5 * (im->u_begin[first + j] + im->u[first + j]);
+
+        im->joint_impulse[j] += weight * (im->torque[j] - im->extra[j] * im->a[first + j]);
+        if (ends) {
+            im->joint_work += im->joint_impulse[j] * rate;
+            im->joint_impulse[j] = 0.0;
+        }
+    }
 }
 
 /* Solves the first stage: fills u_1 and slope, and advances base to the base of the second
@@ -118,6 +140,7 @@ static enum error_code take_first_stage(struct plant *plant)
         memcpy(im->origin_1[c], implicit_motion(plant, c)->p, sizeof im->origin_1[c]);
     }
     account_stage(plant, rest);
+    account_impulse(plant, rest, false);
 
     /* Account for the powers of the joints at the solved stage */
     memcpy(im->point, im->base, bytes);
@@ -164,6 +187,7 @@ static enum error_code take_second_stage(struct plant *plant)
         return code;
     }
     account_stage(plant, im->stage_h);
+    account_impulse(plant, im->stage_h, true);
     for (size_t i = 0; i < im->na; i++) {
         im->trend[i] = smaller_slope(im->slope[i], (im->u[i] - im->u_begin[i]) / im->h);
     }
@@ -247,6 +271,7 @@ static enum error_code step_in_parts(struct plant *plant, enum implicit_level le
     enum error_code code = ERROR_NONE;
 
     plant_return_state(plant);
+    im->joint_work = 0.0;
     memcpy(im->trend, im->trend_begin, im->na * sizeof *im->trend);
     for (int part = 0; part < parts && !code; part++) {
         im->start_s = part * (h / parts);
@@ -258,52 +283,82 @@ static enum error_code step_in_parts(struct plant *plant, enum implicit_level le
     return code;
 }
 
-/* Returns the energy of a plant without input, J. */
-static double passive_plant_energy(struct plant *plant)
+/* Returns whether the plant is a robot of joints with drives without any input, whose energy can
+ * only fall. A current controller may hold a position, as a spring. */
+static bool lacks_input(const struct plant *plant)
 {
-    const struct loop_command *law = &plant->loop[0].command[1];
-    const double off = plant_drive_state(plant, plant->state, 0).qm - law->position;
-    const double spring = plant->loop[0].on ? plant->sea[0].Kt * law->stiffness : 0.0;
+    const struct plant_config *config = &plant->config;
+    bool lacks = plant->has_effects && plant->nspring == 0 && plant->nhydraulic == 0 &&
+                 config->ncontact == 0 && config->nfree == 0 && config->robot->ncoupling == 0 &&
+                 !plant->clamped;
 
-    return plant_stored_mechanical(plant) + 0.5 * spring * off * off;
+    for (size_t d = 0; d < plant->ndrive && lacks; d++) {
+        const struct current_loop *loop = &plant->loop[d];
+        const struct loop_command *law = &loop->command[1];
+
+        lacks = loop->on ? loop->filtered == 0.0 && law->current == 0.0 && law->speed == 0.0 &&
+                               loop->switch_s == 0.0
+                         : !plant->bridge_on[d] || plant->voltage[d] == 0.0;
+    }
+    return lacks;
 }
 
-/* Returns a bound on the rounding errors of a passive plant's energy, J: of its sum, and of the
- * difference of the angles, which may be large. */
-static double energy_rounding(const struct plant *plant, double energy)
-{
-    const struct sea_state drive = plant_drive_state(plant, plant->state, 0);
-    const double q = plant_joint_position(plant, plant->state, 0);
-    const double off = DBL_EPSILON * (fabs(q) + fabs(drive.qm));
+/* Energies of a plant without input, J. */
+struct passive_energy {
+    double plant, joints; /* of the bodies, springs, drives and stops; without the bodies */
+    double rounding;      /* bound on the errors of sums, and of differences of large angles */
+};
 
-    return 4.0 * DBL_EPSILON * fabs(energy) +
-           2.0 * plant->sea[0].Ks * off * (off + fabs(drive.qm - q));
+static struct passive_energy find_passive_energy(struct plant *plant)
+{
+    const struct dynamics *dynamics = plant->config.dynamics;
+    struct passive_energy energy = {.plant = plant_stored_mechanical(plant)};
+    double kinetic, potential;
+
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        const struct loop_command *law = &plant->loop[d].command[1];
+        const double stiffness = plant->loop[d].on ? plant->sea[d].Kt * law->stiffness : 0.0;
+        const double qm = plant_drive_state(plant, plant->state, d).qm, off = qm - law->position;
+        const double q = plant_joint_position(plant, plant->state, plant->drive_joint[d]);
+        const double error = DBL_EPSILON * (fabs(q) + fabs(qm));
+
+        energy.plant += 0.5 * stiffness * off * off;
+        energy.rounding += 2.0 * plant->sea[d].Ks * error * (error + fabs(qm - q));
+    }
+    dynamics->ops->energy(dynamics, plant->q, plant->state + plant->at.v, &kinetic, &potential);
+    energy.joints = energy.plant - kinetic - potential;
+    energy.rounding += 4.0 * DBL_EPSILON * fabs(energy.plant);
+    return energy;
+}
+
+/* Returns whether springs, drives and stops have made energy since *before. The energy of a robot
+ * of several bodies also rises by errors of its motion: what they make must exceed those errors. */
+static bool joints_make_energy(struct plant *plant, const struct passive_energy *before)
+{
+    const struct passive_energy now = find_passive_energy(plant);
+    const double gain = now.plant - before->plant;
+    const double made = now.joints - before->joints + plant->implicit->joint_work;
+
+    return plant->config.robot->nv == 1
+               ? gain > now.rounding
+               : made > now.rounding && made > MOTION_ERROR * (fabs(gain - made) - now.rounding);
 }
 
 enum error_code implicit_step(struct plant *plant, double h)
 {
     struct implicit *im = plant->implicit;
-    const struct robot *robot = plant->config.robot;
-    const struct current_loop *loop = plant->loop;
-    const struct loop_command *law = &loop->command[1];
-
-    /* Whether the plant is a drive alone on a joint without any input, whose energy can only fall.
-     * Its current controller may hold a position, as a spring. */
-    const bool passive = plant->has_effects && robot->nv == 1 && plant->ndrive == 1 &&
-                         plant->nspring == 0 && plant->config.ncontact == 0 &&
-                         plant->config.nfree == 0 && !plant->clamped &&
-                         (loop->on ? loop->filtered == 0.0 && law->current == 0.0 &&
-                                         law->speed == 0.0 && loop->switch_s == 0.0
-                                   : !plant->bridge_on[0] || plant->voltage[0] == 0.0);
-    const double energy = passive ? passive_plant_energy(plant) : 0.0;
+    const bool passive = lacks_input(plant);
+    const struct passive_energy energy =
+        passive ? find_passive_energy(plant) : (struct passive_energy){0};
     enum implicit_level level;
     enum error_code code;
 
     /* Try the step in one part. At an impact, repeat the step in parts */
     implicit_hold_lanes(plant);
+    im->passive = passive;
     memcpy(im->trend_begin, im->trend, im->na * sizeof *im->trend);
     im->scheme = EFFECTS_USUAL;
-    im->start_s = 0.0;
+    im->start_s = im->joint_work = 0.0;
     code = step_part(plant, LEVEL_WHOLE, h);
     if (code) {
         return code;
@@ -316,7 +371,7 @@ enum error_code implicit_step(struct plant *plant, double h)
 
     /* Repeat a step that makes energy by schemes that damp more */
     while (passive && !code && im->load.push == 0.0 && im->scheme < EFFECTS_EULER &&
-           passive_plant_energy(plant) - energy > energy_rounding(plant, energy)) {
+           joints_make_energy(plant, &energy)) {
         im->scheme++;
         code = step_in_parts(plant, LEVEL_WHOLE, h, im->scheme == EFFECTS_EULER ? 16 : 1);
     }
@@ -383,6 +438,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->torque, robot->njoint);
     TAKE(im->stop, robot->njoint);
     TAKE(im->stop_torque, robot->njoint);
+    TAKE(im->joint_impulse, robot->njoint);
     TAKE(im->lower, robot->njoint);
     TAKE(im->upper, robot->njoint);
     TAKE(im->unit, robot->njoint);

@@ -171,6 +171,9 @@ struct implicit {
     signed char *lane_bridge; /* of each drive: bridge state for which its lane was filled */
     double *extra, *torque;   /* by joint */
     struct stop_step *stop;   /* by joint */
+    bool passive;             /* no input acts: the step adds up joint_work */
+    double joint_work;        /* of springs, drives and stops in the step, J */
+    double *joint_impulse;    /* by joint, of the first stage */
     bool stops_rest;          /* all entries of stop are 0 */
     bool stops_acted;         /* some stop acted in the first stage, with stop_torque */
     double *stop_torque;      /* by joint, weighted for the second stage */
