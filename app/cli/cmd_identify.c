@@ -31,12 +31,12 @@ static void stop_fit(int number)
 }
 
 /* Shows the progress: overwrites its line on a terminal, else writes a line. */
-static void show_progress(void *context, int step, double rms, enum signal signal)
+static void show_progress(int step, double rms, enum signal signal)
 {
-    const bool *terminal = context;
+    const bool terminal = isatty(STDERR_FILENO);
 
-    fprintf(stderr, "%sidentify: step %d, RMS error %.5f %s%s", *terminal ? "\r" : "", step, rms,
-            signal_kinds[signal].unit, *terminal ? " " : "\n");
+    fprintf(stderr, "%sidentify: step %d, RMS error %.5f %s%s", terminal ? "\r" : "", step, rms,
+            signal_kinds[signal].unit, terminal ? " " : "\n");
 }
 
 /* Splits the keys of --free in place. Returns their number. */
@@ -134,7 +134,6 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
     static struct identify_bench bench;
     static struct identify_result result;
     static struct fit_problem problem;
-    static bool terminal;
     const char *key[IDENTIFY_FREE_MAX + 1];
     char *keys = o->free ? arena_strdup(arena, o->free) : NULL;
     enum error_code code = open_bench(o, arena, &bench, error);
@@ -142,11 +141,9 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
     if (code) {
         return code;
     }
-    terminal = isatty(STDERR_FILENO);
     problem = (struct fit_problem){.bench = &bench,
                                    .steps = FIT_STEPS,
                                    .progress = show_progress,
-                                   .context = &terminal,
                                    .interrupted = &interrupted};
 
     /* An interrupt ends the fit with an interim result. A second one ends the program. */
@@ -156,7 +153,7 @@ static enum error_code identify_do(const struct identify_options *o, struct aren
     code = o->output ? whole_file_probe(o->output, error) : ERROR_NONE;
     code = code ? code : fit_prepare(&problem, key, split_keys(keys, key), error);
     code = code ? code : identify_run(&problem, o->cross, arena, &result, error);
-    if (terminal) {
+    if (isatty(STDERR_FILENO)) {
         fputs("\r\033[K", stderr);
     }
     if (code) {
@@ -224,11 +221,11 @@ int cmd_identify(int argc, char **argv)
                   o.rig ? "both a rig and a bench" : "neither a rig nor a bench");
         return options_fail(&spec, &error);
     }
-    if (arena_init(&arena, RIG_COMMAND_ARENA, &error)) {
-        return options_fail(&spec, &error);
+    code = arena_init(&arena, RIG_COMMAND_ARENA, &error);
+    if (!code) {
+        code = identify_do(&o, &arena, &failed, &error);
+        arena_fini(&arena);
     }
-    code = identify_do(&o, &arena, &failed, &error);
-    arena_fini(&arena);
     status = options_end(&spec, code, &error);
     return status == STATUS_OK && failed ? STATUS_FAILED : status;
 }
@@ -244,9 +241,7 @@ struct validate_options {
 static void print_validation(const struct validation *v)
 {
     const struct bench *bench = &v->bench.bench;
-    const double scale = v->is_share ? 100.0 : 1.0,
-                 limit = v->is_share ? bench->limit_share : bench->limit_rad;
-    const char *unit = validation_unit(v);
+    const double scale = v->is_share ? 100.0 : 1.0, limit = scale * bench->limit[v->is_share];
     const int digits = v->is_share ? 1 : 4;
 
     if (v->bench.missing) {
@@ -254,15 +249,13 @@ static void print_validation(const struct validation *v)
         return;
     }
     printf("%-6s %-20s mean error %.*f %s", validation_verdict(v), bench->name, digits,
-           scale * v->mean, unit);
+           scale * v->mean, validation_unit(v));
     if (limit > 0.0) {
-        printf(", limit %.*f", digits, scale * limit);
+        printf(", limit %.*f", digits, limit);
     }
     for (size_t i = 0; i < bench->npublished; i++) {
-        const struct bench_published *one = &bench->published[i];
-
-        printf("; %s %.*f", one->what, digits,
-               scale * (v->is_share ? one->error_share : one->error_rad));
+        printf("; %s %.*f", bench->published[i].what, digits,
+               scale * bench->published[i].error[v->is_share]);
     }
     putchar('\n');
     for (size_t i = 0; i < v->bench.nrecording; i++) {

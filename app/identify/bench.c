@@ -133,8 +133,8 @@ static const struct yaml_schema point_schema =
 
 static const struct yaml_field published_fields[] = {
     YAML_TEXT("what", true, bench_published, what, 1, 1000),
-    YAML_NUMBER("error_rad", false, bench_published, error_rad, 0.0, 10.0),
-    YAML_NUMBER("error_share", false, bench_published, error_share, 0.0, 10.0),
+    YAML_NUMBER("error_rad", false, bench_published, error[0], 0.0, 10.0),
+    YAML_NUMBER("error_share", false, bench_published, error[1], 0.0, 10.0),
 };
 static const struct yaml_schema published_schema =
     YAML_SCHEMA("a published error", struct bench_published, published_fields);
@@ -159,8 +159,8 @@ static const struct yaml_field bench_fields[] = {
     YAML_SECTION("sigmas", false, bench, sigmas, sigma_schema),
     YAML_SECTION("law", false, bench, law, law_schema),
     YAML_NUMBER("robust_rad", false, bench, robust_rad, 0.0, 10.0),
-    YAML_NUMBER("limit_rad", false, bench, limit_rad, 0.0, 10.0),
-    YAML_NUMBER("limit_share", false, bench, limit_share, 0.0, 10.0),
+    YAML_NUMBER("limit_rad", false, bench, limit[0], 0.0, 10.0),
+    YAML_NUMBER("limit_share", false, bench, limit[1], 0.0, 10.0),
     YAML_NUMBER("diagram_nm", false, bench, diagram_nm, 0.0, 1e6),
     {"numbers", YAML_REAL_DICT, false, .offset = offsetof(struct bench, number),
      .count_offset = offsetof(struct bench, nnumber)},
@@ -559,11 +559,6 @@ void recording_take_zero(struct recording *r, enum bench_zero zero)
     for (size_t i = 0; i < r->count; i++) {
         value[i] -= sum / (double)rows;
     }
-}
-
-const double *recording_command(const struct recording *recording, const struct bench_law *law)
-{
-    return law->duty_per_rad > 0.0 ? recording->goal : recording->voltage;
 }
 
 bool recording_is_with(const struct recording *one, const struct recording *other)

@@ -46,17 +46,6 @@ static void write_head(const struct fit_problem *problem, const struct identify_
         "began\n# from.\n");
 }
 
-/* Returns the index of a parameter in the list of free parameters, or -1. */
-static int find_free(const struct fit_problem *problem, int parameter)
-{
-    for (size_t i = 0; i < problem->nfree; i++) {
-        if (problem->free[i].parameter == parameter && !problem->free[i].group) {
-            return (int)i;
-        }
-    }
-    return -1;
-}
-
 /* Writes the keys of the drive, each with the uncertainty of its value. */
 static void write_keys(const struct fit_problem *problem, const struct identify_result *result,
                        FILE *out)
@@ -65,9 +54,12 @@ static void write_keys(const struct fit_problem *problem, const struct identify_
 
     fprintf(out, "drive:\n");
     for (int i = 0; i < parameter_count; i++) {
-        const int free = find_free(problem, i);
         const double value = parameter_get(made, i);
+        int free = -1;
 
+        for (size_t k = 0; k < problem->nfree; k++) {
+            free = problem->free[k].parameter == i && !problem->free[k].group ? (int)k : free;
+        }
         if (!parameter_is_written(made, i)) {
             continue;
         }

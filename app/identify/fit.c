@@ -271,7 +271,7 @@ static int fit_evaluate(void *context, int m, int n, const double *u, double *re
         double rms[SIGNALS];
 
         find_rms(fit, residual, rms);
-        fit->problem->progress(fit->problem->context, ++fit->step, rms[fit->judge], fit->judge);
+        fit->problem->progress(++fit->step, rms[fit->judge], fit->judge);
     }
     run_batch(fit, set, (size_t)n, fit->work);
     for (int i = 0; i < n && !fit->code; i++) {

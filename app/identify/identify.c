@@ -37,15 +37,12 @@ static void set_numbers(struct identify_bench *bench)
 }
 
 /* Loads a catalogue drive for a bench of points. */
-static enum error_code load_bench_drive(struct arena *arena, struct identify_bench *bench,
-                                        struct error *error)
+static enum error_code load_bench_drive(const char *path, struct arena *arena,
+                                        struct identify_bench *bench, struct error *error)
 {
     const struct robot_drive *drive;
-    const char *path;
-    enum error_code code = yaml_resolve_path(yaml_place(&bench->bench.mark, "drive"),
-                                             bench->bench.drive, arena, &path, error);
+    enum error_code code = robot_load_drive(path, arena, &drive, error);
 
-    code = code ? code : robot_load_drive(path, arena, &drive, error);
     if (!code && !drive->sea.present) {
         code = yaml_error(error, yaml_place(&bench->bench.mark, "drive"),
                           "found a hydraulic drive, expected an electric one");
@@ -58,10 +55,18 @@ static enum error_code load_bench_drive(struct arena *arena, struct identify_ben
     return code;
 }
 
-/* Copies a robot. Refuses a robot that does not have exactly one joint, with an electric drive. */
-static enum error_code trial_robot_copy(const struct robot *robot, struct trial_robot *trial,
-                                        struct error *error)
+/* Loads the rig and copies its robot. Refuses a robot that does not have exactly one joint, with an
+ * electric drive. */
+static enum error_code load_bench_rig(const char *path, struct arena *arena,
+                                      struct identify_bench *bench, struct error *error)
 {
+    enum error_code code = rig_load(path, arena, &bench->rig, error);
+    const struct robot *robot;
+
+    if (code) {
+        return code;
+    }
+    robot = bench->rig->robot;
     if (robot->njoint != 1 || robot->nbody != 2 || robot->floating ||
         !robot->joint[0].sea.present) {
         return error_set(error, ERROR_INPUT,
@@ -69,27 +74,15 @@ static enum error_code trial_robot_copy(const struct robot *robot, struct trial_
                          "drive on a fixed base",
                          robot->file, robot->njoint, robot->floating ? " on a floating base" : "");
     }
-    *trial = (struct trial_robot){
+    if (bench->rig->nfree > 0) {
+        return error_set(error, ERROR_INPUT, "%s: found free bodies, expected a joint alone", path);
+    }
+    bench->trial = (struct trial_robot){
         .robot = *robot, .joint = robot->joint[0], .bench = {.command_gain = 1.0}};
-    memcpy(trial->body, robot->body, sizeof trial->body);
+    memcpy(bench->trial.body, robot->body, sizeof bench->trial.body);
+    bench->supply_v = bench->rig->supply_v;
+    set_numbers(bench);
     return ERROR_NONE;
-}
-
-/* Loads the rig and copies its robot. */
-static enum error_code load_bench_rig(const char *path, struct arena *arena,
-                                      struct identify_bench *bench, struct error *error)
-{
-    enum error_code code = rig_load(path, arena, &bench->rig, error);
-
-    code = code ? code : trial_robot_copy(bench->rig->robot, &bench->trial, error);
-    if (!code && bench->rig->nfree > 0) {
-        code = error_set(error, ERROR_INPUT, "%s: found free bodies, expected a joint alone", path);
-    }
-    if (!code) {
-        bench->supply_v = bench->rig->supply_v;
-        set_numbers(bench);
-    }
-    return code;
 }
 
 /* Refuses angles that span much more than the joint's range, for example degrees. */
@@ -165,8 +158,9 @@ static enum error_code read_recordings(struct identify_bench *bench, struct aren
 enum error_code identify_open(const char *path, struct arena *arena, struct identify_bench *bench,
                               struct error *error)
 {
-    const char *rig;
+    const char *plant;
     enum error_code code = bench_read(path, arena, &bench->bench, error);
+    const bool drive = !code && bench->bench.drive;
 
     bench->missing = false;
     if (code) {
@@ -176,13 +170,9 @@ enum error_code identify_open(const char *path, struct arena *arena, struct iden
         return yaml_error(error, &bench->bench.mark, "found %zu recordings, expected %d or fewer",
                           bench->bench.nrecording, IDENTIFY_RECORDINGS_MAX);
     }
-    if (bench->bench.drive) {
-        code = load_bench_drive(arena, bench, error);
-    } else {
-        code = yaml_resolve_path(yaml_place(&bench->bench.mark, "rig"), bench->bench.rig, arena,
-                                 &rig, error);
-        code = code ? code : load_bench_rig(rig, arena, bench, error);
-    }
+    code = yaml_resolve_path(yaml_place(&bench->bench.mark, drive ? "drive" : "rig"),
+                             drive ? bench->bench.drive : bench->bench.rig, arena, &plant, error);
+    code = code ? code : (drive ? load_bench_drive : load_bench_rig)(plant, arena, bench, error);
     return code ? code : read_recordings(bench, arena, error);
 }
 
@@ -305,15 +295,15 @@ static enum error_code judge_all(const struct identify_bench *bench,
     return code;
 }
 
-/* Returns the mean error of the recordings that a fit uses. */
-static double mean_used(const struct identify_bench *bench, const double *error)
+/* Returns the mean error of the recordings that judge, or of those that a fit uses. */
+static double mean_where(const struct identify_bench *bench, const double *error, bool judge)
 {
-    double used[IDENTIFY_RECORDINGS_MAX];
+    double some[IDENTIFY_RECORDINGS_MAX];
 
     for (size_t i = 0; i < bench->nrecording; i++) {
-        used[i] = bench->recording[i].judge ? (double)NAN : error[i];
+        some[i] = bench->recording[i].judge == judge ? error[i] : (double)NAN;
     }
-    return identify_mean(used, bench->nrecording);
+    return identify_mean(some, bench->nrecording);
 }
 
 /* Fits to all groups except the group of a recording, and computes the errors of that group. */
@@ -375,12 +365,14 @@ enum error_code identify_run(struct fit_problem *problem, bool crossed, struct a
                 : judge_all(bench, &result->fit.trial, false, arena, result->fitted,
                             result->simulated, result->failure, error);
 
-    if (!code && !result->failure[0] &&
-        mean_used(bench, result->fitted) > WORSE * mean_used(bench, result->start)) {
+    const double before = mean_where(bench, result->start, false),
+                 after = mean_where(bench, result->fitted, false);
+
+    if (!code && !result->failure[0] && after > WORSE * before) {
         snprintf(result->failure, sizeof result->failure,
                  "found a fit with a mean error of %.4g %s, more than %.4g %s of the start values",
-                 mean_used(bench, result->fitted), signal_kinds[result->fit.first].unit,
-                 mean_used(bench, result->start), signal_kinds[result->fit.first].unit);
+                 after, signal_kinds[result->fit.first].unit, before,
+                 signal_kinds[result->fit.first].unit);
     }
 
     /* Cross-validate: one fold per group */
@@ -419,8 +411,6 @@ static enum error_code judge_points(struct validation *validation, struct arena 
         sum += fabs(validation->ours[i] / bench->point[i].value - 1.0);
     }
     validation->mean = sum / (double)bench->npoint;
-    validation->passed =
-        isfinite(sum) && (bench->limit_share == 0.0 || validation->mean <= bench->limit_share);
     return ERROR_NONE;
 }
 
@@ -445,7 +435,7 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
                                struct error *error)
 {
     struct identify_bench *bench = &validation->bench;
-    double judged[IDENTIFY_RECORDINGS_MAX];
+    double limit;
     bool any = false, diverged = false;
     enum error_code code = identify_open(path, arena, bench, error);
 
@@ -453,18 +443,17 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
         return code;
     }
     validation->unchecked = 0;
-    validation->is_share = bench->bench.limit_share > 0.0 || bench->bench.npoint > 0;
+    validation->is_share = bench->bench.limit[1] > 0.0 || bench->bench.npoint > 0;
     if (bench->missing) {
         return ERROR_NONE;
     }
-    if (bench->bench.npoint > 0) {
-        return judge_points(validation, arena, error);
-    }
-    if (bench->nrecording == 0) {
+    if (bench->nrecording + bench->bench.npoint == 0) {
         return yaml_error(error, &bench->bench.mark, "found no recordings, expected some");
     }
-    code = judge_all(bench, &bench->trial, validation->is_share, arena, validation->error,
-                     validation->simulated, NULL, error);
+    code = bench->bench.npoint > 0
+               ? judge_points(validation, arena, error)
+               : judge_all(bench, &bench->trial, validation->is_share, arena, validation->error,
+                           validation->simulated, NULL, error);
     if (code) {
         return code;
     }
@@ -473,15 +462,13 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
         validation->unchecked += !bench->recording[i].is_checked;
     }
     for (size_t i = 0; i < bench->nrecording; i++) {
-        const bool counts = bench->recording[i].judge || !any;
-
-        judged[i] = counts ? validation->error[i] : (double)NAN;
-        diverged |= counts && validation->simulated[i].diverged;
+        diverged |= (bench->recording[i].judge || !any) && validation->simulated[i].diverged;
     }
-    validation->mean = identify_mean(judged, bench->nrecording);
+    if (bench->nrecording > 0) {
+        validation->mean = mean_where(bench, validation->error, any);
+    }
+    limit = bench->bench.limit[validation->is_share];
     validation->passed =
-        !diverged && (validation->is_share ? validation->mean <= bench->bench.limit_share
-                                           : bench->bench.limit_rad == 0.0 ||
-                                                 validation->mean <= bench->bench.limit_rad);
-    return code;
+        !diverged && isfinite(validation->mean) && (limit == 0.0 || validation->mean <= limit);
+    return ERROR_NONE;
 }

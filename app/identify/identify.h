@@ -43,15 +43,15 @@ enum error_code parameter_check(const char *key, int *parameter, struct error *e
 
 /* The quantity that gives the upper bound of a parameter. */
 enum scale {
-    SCALE_SHARE,  /* 0.9 */
-    SCALE_TORQUE, /* half of the stall torque */
-    SCALE_SPEED,  /* no-load speed */
-    SCALE_DAMPING,
-    SCALE_ANGLE, /* 0.1 rad; for the offset also -0.1 rad */
-    SCALE_TIME,  /* 20 ms */
-    SCALE_MASS,  /* half of the mass of the link */
-    SCALE_GAIN,  /* 3 */
-    SCALE_OTHER
+    BY_SHARE,  /* 0.9 */
+    BY_TORQUE, /* half of the stall torque */
+    BY_SPEED,  /* no-load speed */
+    BY_DAMPING,
+    BY_ANGLE, /* 0.1 rad; for the offset also -0.1 rad */
+    BY_TIME,  /* 20 ms */
+    BY_MASS,  /* half of the mass of the link */
+    BY_GAIN,  /* 3 */
+    BY_OTHER
 };
 
 extern const struct parameter {
@@ -234,14 +234,14 @@ struct bench_recording {
     bool judge;        /* a validation recording: identifications do not use it */
 };
 
-/* Published errors: mean error on the validation recordings, rad, or on the points, as a share. */
+/* Published errors: mean error on the validation recordings, rad, or on the points, as a share.
+ * Arrays of two have a number in rad, and a share. */
 struct bench_published {
     struct yaml_mark mark;
     const char *what;
-    double error_rad, error_share;
+    double error[2];
 };
 
-struct identify_bench;
 struct bench {
     struct yaml_mark mark;
     const char *name, *description, *source, *license, *supports;
@@ -251,10 +251,10 @@ struct bench {
     struct bench_columns columns;
     struct bench_sigmas sigmas;
     struct bench_law law;
-    double robust_rad;  /* larger errors count linearly; 0 = all errors are squared */
-    double limit_rad;   /* largest accepted mean error of the validation recordings */
-    double limit_share; /* limit of the points' mean relative error, or of RMS error / RMS */
-    double diagram_nm;  /* largest motor torque of the drive/back-drive diagram; 0 = no diagram */
+    double robust_rad; /* larger errors count linearly; 0 = all errors are squared */
+    double limit[2];   /* largest accepted mean error of the validation recordings; the same of the
+                         * points, or of the signals' RMS errors by their RMS */
+    double diagram_nm; /* largest motor torque of the drive/back-drive diagram; 0 = no diagram */
     struct bench_free *free;
     struct bench_recording *recording;
     struct bench_point *point; /* a bench has either recordings or points */
@@ -289,6 +289,8 @@ enum error_code bench_read(const char *path, struct arena *arena, struct bench *
 enum error_code bench_of_own(const char *joint, struct arena *arena, struct bench *bench,
                              struct error *error);
 
+struct identify_bench;
+
 /* Reads a recording: a candump log, or CSV, whose first lines may be comments that begin with #.
  * Compares the CRC-32 of the file with `expected`, unless this is NULL. */
 enum error_code recording_read(const struct identify_bench *bench, const char *path,
@@ -304,9 +306,6 @@ enum error_code recording_alloc(struct recording *r, size_t count, const bool ha
 
 /* Subtracts the zero of the load cell: its mean, or its mean before the command first changes. */
 void recording_take_zero(struct recording *recording, enum bench_zero zero);
-
-/* Returns the recorded command: goals if the bench has a law, else voltages or torques. */
-const double *recording_command(const struct recording *recording, const struct bench_law *law);
 
 /* Returns whether two recordings belong to one group. */
 bool recording_is_with(const struct recording *one, const struct recording *other);
@@ -353,9 +352,8 @@ struct fit_problem {
     const struct recording *left_out;   /* its group is not fitted to; NULL = none */
     size_t nfree;
     struct bench_free free[IDENTIFY_FREE_MAX];
-    int steps; /* largest number of iterations */
-    void (*progress)(void *context, int step, double rms, enum signal signal);
-    void *context;
+    int steps;                                                  /* largest number of iterations */
+    void (*progress)(int step, double rms, enum signal signal); /* NULL = none */
     const volatile sig_atomic_t *interrupted; /* nonzero ends the fit early; NULL = never */
 };
 

@@ -109,15 +109,14 @@ static const char *number_text(double value, char conversion, char text[32])
 }
 
 /* Adds a row of a response to the table. */
-static void add_response(struct report *report, const char *file, const char *what,
-                         const struct recording *r, const struct bench_law *law,
-                         const double *value)
+static void add_response(struct report *report, const char *what, const struct recording *r,
+                         const struct bench_law *law, const double *value)
 {
     struct response of;
     char text[8][32];
 
-    response_compute(r->time, recording_command(r, law), value, r->count, &of);
-    report_row(report, "%s|%s|%s|%s|%s|%s|%s|%s|%s|%s", file, what,
+    response_compute(r->time, law->duty_per_rad > 0.0 ? r->goal : r->voltage, value, r->count, &of);
+    report_row(report, "%s|%s|%s|%s|%s|%s|%s|%s|%s|%s", r->name, what,
                number_text(1e3 * of.t10, 'g', text[0]), number_text(1e3 * of.t63, 'g', text[1]),
                number_text(1e3 * of.t90, 'g', text[2]),
                number_text(100.0 * of.overshoot, 'g', text[3]), number_text(of.gain, 'g', text[4]),
@@ -164,8 +163,8 @@ static void add_recordings(struct report *report, const struct identify_bench *b
         if (first == SIGNAL_LOSS) {
             continue;
         }
-        add_response(report, r->name, "measured", r, law, r->signal[first]);
-        add_response(report, r->name, "simulated", r, law, simulated[i].signal[first]);
+        add_response(report, "measured", r, law, r->signal[first]);
+        add_response(report, "simulated", r, law, simulated[i].signal[first]);
     }
     for (size_t i = 0; i < bench->nrecording; i++) {
         for (size_t s = 0; s < SIGNALS; s++) {
@@ -249,7 +248,7 @@ enum error_code identify_write_page(const struct fit_problem *problem,
                number_text(identify_mean(result->crossed, bench->nrecording), 'f', text[2]));
     for (size_t i = 0; i < bench->bench.npublished; i++) {
         report_row(&report, "%s||||%.4f|published", bench->bench.published[i].what,
-                   bench->bench.published[i].error_rad);
+                   bench->bench.published[i].error[0]);
     }
     add_numbers(&report, problem, result);
     report_section(&report, "plots", "Measured and simulated");
@@ -276,7 +275,7 @@ static void add_points(struct report *report, const struct validation *v)
     report_row(report, "mean of the absolute errors||||%.1f", 100.0 * v->mean);
     for (size_t i = 0; i < bench->npublished; i++) {
         report_row(report, "%s||||%.1f", bench->published[i].what,
-                   100.0 * bench->published[i].error_share);
+                   100.0 * bench->published[i].error[1]);
     }
     if (bench->diagram_nm > 0.0) {
         const struct robot_sea sea = trial_drive(&v->bench.trial);
@@ -316,7 +315,7 @@ static void add_bench(struct report *report, const struct validation *v)
     }
     for (size_t i = 0; i < bench->npublished; i++) {
         report_row(report, "%s|%.4f|published", bench->published[i].what,
-                   bench->published[i].error_rad);
+                   bench->published[i].error[0]);
     }
     add_recordings(report, &v->bench, v->simulated);
 }
@@ -345,16 +344,12 @@ enum error_code validation_write_page(const struct validation *validation, size_
 
         /* Add a bench to the summary, with its errors in rad, or in % for points */
         for (size_t k = 0; k < bench->npublished; k++) {
-            const double one =
-                share ? bench->published[k].error_share : bench->published[k].error_rad;
-
-            best = fmin(best, one);
+            best = fmin(best, bench->published[k].error[share]);
         }
         report_row(&report, "%s|%s|%s|%.4f|%s|%.4f|%s", bench->name,
                    bench->description ? bench->description : "", validation_unit(&validation[i]),
                    scale * validation[i].mean, number_text(scale * best, 'f', text),
-                   scale * (share ? bench->limit_share : bench->limit_rad),
-                   validation_verdict(&validation[i]));
+                   scale * bench->limit[share], validation_verdict(&validation[i]));
     }
     for (size_t i = 0; i < count; i++) {
         add_bench(&report, &validation[i]);
