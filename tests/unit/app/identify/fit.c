@@ -187,6 +187,25 @@ TEST(an_output_is_locked_yields_or_turns)
     }
 }
 
+/* A fit may add a number for each of its free ones to as many numbers of groups as a file has. */
+TEST(numbers_of_groups_all_count)
+{
+    enum { ALL = GROUP_NUMBERS_MAX + IDENTIFY_FREE_MAX };
+    const int gain = parameter_find("command_gain");
+    struct trial_robot trial = bench.trial;
+    char group[ALL][8];
+
+    for (int i = 0; i < ALL; i++) {
+        snprintf(group[i], sizeof group[i], "%d", i);
+        parameter_set_group(
+            &trial, &(struct group_number){.group = group[i], .parameter = gain, .value = 2.0 + i});
+    }
+    for (int i = 0; i < ALL; i++) {
+        parameter_take_group(&trial, group[i]);
+        assert_near(parameter_get(&trial, gain), 2.0 + i, 0.0);
+    }
+}
+
 /* Filter, delay, inertia and damping of a drive behind a spring, and a gain for a group, come back
  * from the load torque of a lock under torque steps. */
 TEST(an_elastic_drive_comes_back_from_its_lock)
