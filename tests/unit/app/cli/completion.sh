@@ -93,7 +93,8 @@ offers "no second rig" "" "$program" run coman ""
 offers "tasks, then rigs" "squat" "$program" task sq
 offers "rigs after tasks" "walkman" "$program" task squat walkm
 offers "more scenarios" "push_recovery" "$program" test brown_out push
-offers "robots of a benchmark" "ak80-6-pendulum arm coman hyq hyq-leg sea-rmd-x8 walkman xl330-pendulum" \
+offers "robots of a benchmark" \
+    "ak80-6-pendulum arm coman hyq hyq-leg sea-rmd-x8 walkman xl330-pendulum" \
     "$bench" dynamics ""
 offers "files where no name begins so" "mine.yaml" "$program" check min
 offers "folders for a recording" "recordings" "$program" run coman --record ""
