@@ -38,9 +38,9 @@ void plant_account_step(struct plant *plant, double h)
         const double twist = speed - plant_joint_rate(plant, plant->state, j);
         /* An imposed rotor gives the spring's torque; its own motion comes from outside */
         const bool imposed = plant->condition[d] & DRIVE_IMPOSED;
+        const double strength = sea->effects ? effects_saturation(sea, y[DRIVE_CURRENT]) : 1.0;
         const double power = speed * (imposed ? plant_drive_torque(plant, plant->state, d)
-                                              : sea->Kt * y[DRIVE_CURRENT] *
-                                                    effects_saturation(sea, y[DRIVE_CURRENT]));
+                                              : sea->Kt * y[DRIVE_CURRENT] * strength);
 
         in += power;
         turnover += fabs(power);

@@ -277,7 +277,8 @@ static double plant_bridge_power(const struct plant *plant, const double *state)
             effects_power_current(&plant->sea[d], &effects, &bridge, &mode, &taken);
             power += taken.electrical;
         } else {
-            power += plant_drive_voltage(plant, state, d) * I;
+            power +=
+                I * (plant->loop[d].on ? plant_drive_voltage(plant, state, d) : plant->voltage[d]);
         }
     }
     return power;
