@@ -201,12 +201,6 @@ enum { QUEUE_DEFAULT = 256, BITRATE_DEFAULT = 1000000 };
 
 /* ---- the senders' side ---- */
 
-static bool local_bypasses_wire(const struct local_bus *bus, const struct bus_frame *frame)
-{
-    return frame_has_standard_id(frame, bus->config.bypass_id, bus->config.nbypass) ||
-           (frame->flags & FRAME_ERROR);
-}
-
 static bool local_send_by_wire(struct local_node *sender, const struct bus_frame *frame)
 {
     const struct local_bus *bus = sender->bus;
@@ -536,7 +530,9 @@ static size_t local_send(struct can_port *port, const struct bus_frame *frames, 
     for (size_t i = 0; i < count; i++) {
         bool taken = port_may_send(port, &frames[i]);
 
-        if (taken && bus->wire && !local_bypasses_wire(bus, &frames[i])) {
+        /* Error frames and the frames of the lockstep protocol bypass the wire */
+        if (taken && bus->wire && !(frames[i].flags & FRAME_ERROR) &&
+            !frame_has_standard_id(&frames[i], bus->config.bypass_id, bus->config.nbypass)) {
             taken = local_send_by_wire(sender, &frames[i]);
         } else if (taken) {
             local_send_ideal(sender, &frames[i], reached);

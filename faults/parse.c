@@ -193,10 +193,9 @@ static enum error_code fault_read_sensor(struct fault_reader *r, const char *tex
                                          names->nft);
     }
     if (!channel) {
-        return fault_refuse_word(
-            r, text,
-            "JOINT.CHANNEL, a channel being link_encoder, motor_encoder, current, torque "
-            "or temperature");
+        return fault_refuse_word(r, text,
+                                 "JOINT.CHANNEL, a channel being link_encoder, motor_encoder, "
+                                 "current, torque or temperature");
     }
     return fault_read_channel(r, channel, sensor_joint_channels, SENSOR_JOINT_CHANNELS,
                               index * SENSOR_JOINT_CHANNELS, fault);
@@ -245,11 +244,10 @@ static enum error_code fault_read_target(struct fault_reader *r, struct fault *f
     fault->target = (enum fault_target)target;
     r->at++;
     if (fault->target == FAULT_HYDRAULIC_SUPPLY && !r->names->oil_store) {
-        return error_set(
-            r->error, ERROR_UNSUPPORTED,
-            "fault \"%.159s\": found no hydraulic supply with an accumulator, expected "
-            "one: a constant pressure cannot be lost",
-            r->line);
+        return error_set(r->error, ERROR_UNSUPPORTED,
+                         "fault \"%.159s\": found no hydraulic supply with an accumulator, "
+                         "expected one: a constant pressure cannot be lost",
+                         r->line);
     }
     if (fault->target == FAULT_SUPPLY || fault->target == FAULT_HYDRAULIC_SUPPLY) {
         return ERROR_NONE;
@@ -292,10 +290,10 @@ static enum error_code fault_read_kind(struct fault_reader *r, struct fault *fau
             fault->kind = fault_rules[i].kind;
             r->at++;
             if (fault_rules[i].needs_wire && !r->names->wire[fault->index]) {
-                return error_set(r->error, ERROR_UNSUPPORTED,
-                                 "fault \"%.159s\": bus %.64s is not in wire mode, which this kind "
-                                 "needs",
-                                 r->line, r->names->bus[fault->index]);
+                return error_set(
+                    r->error, ERROR_UNSUPPORTED,
+                    "fault \"%.159s\": bus %.64s is not in wire mode, which this kind needs",
+                    r->line, r->names->bus[fault->index]);
             }
             return ERROR_NONE;
         }

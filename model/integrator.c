@@ -86,16 +86,6 @@ size_t integrator_dopri5_scratch(size_t n)
     return (DOPRI5_STAGES + 1) * n;
 }
 
-/* Returns the factor for the next step's length (proportional-integral control); both errors are
- * at least tiny. */
-static double dopri5_factor(double error, double last_error)
-{
-    double factor = CONTROL_SAFETY * portable_pow(fmax(error, 1e-10), -CONTROL_ALPHA) *
-                    portable_pow(last_error, CONTROL_BETA);
-
-    return fmin(CONTROL_GROW, fmax(CONTROL_SHRINK, factor));
-}
-
 bool integrator_dopri5(integrator_function *f, void *context, double t, double h, size_t n,
                        double *y, struct integrator_dopri5 *control, double *scratch)
 {
@@ -153,7 +143,9 @@ bool integrator_dopri5(integrator_function *f, void *context, double t, double h
          * the next step's length */
         memcpy(y, stage, n * sizeof *y);
         memcpy(k, last, n * sizeof *k);
-        factor = dopri5_factor(error, fmax(control->last_error, 1e-4));
+        factor = CONTROL_SAFETY * portable_pow(fmax(error, 1e-10), -CONTROL_ALPHA) *
+                 portable_pow(fmax(control->last_error, 1e-4), CONTROL_BETA);
+        factor = fmin(CONTROL_GROW, fmax(CONTROL_SHRINK, factor));
         factor = rejected ? fmin(factor, 1.0) : factor;
         control->last_error = error;
         rejected = false;

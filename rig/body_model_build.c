@@ -20,12 +20,6 @@ static struct body_frame task_body_frame(const struct robot *robot, int index)
     return frame;
 }
 
-/* Returns the index of a joint's axis, or -1 if the joint has no axis. */
-static int task_body_axis(const struct rig *rig, const char *joint)
-{
-    return TEXT_FIND(rig->axis, rig->naxis, joint, joint);
-}
-
 /* Builds the configuration of the walk: the common gains of all axes, then the exceptions for
  * single joints. */
 static enum error_code task_body_walk(struct rig_builder *b)
@@ -68,7 +62,7 @@ enum error_code rig_build_task_body(struct rig_builder *b)
             const struct robot_joint *joint = &b->robot->joint[i - 1];
 
             link[i].joint = joint->name;
-            link[i].axis = task_body_axis(b->rig, joint->name);
+            link[i].axis = TEXT_FIND(b->rig->axis, b->rig->naxis, joint, joint->name);
             link[i].fixed_rad = b->rig->joint[i - 1];
             memcpy(link[i].origin, joint->origin, sizeof link[i].origin);
             memcpy(link[i].rotation, joint->rotation, sizeof link[i].rotation);

@@ -168,14 +168,6 @@ static bool simulator_take_event(struct simulator *simulator, uint64_t *key, int
     return false;
 }
 
-/* Returns a text without its leading time, "1.234567 s: ", if it has one. */
-static const char *event_text_without_time(const char *text)
-{
-    size_t digits = strspn(text, "-0123456789.");
-
-    return digits && !strncmp(text + digits, " s: ", 4) ? text + digits + 4 : text;
-}
-
 bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size)
 {
     int64_t time_ns;
@@ -184,8 +176,12 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
         return false;
     }
     if (simulator->recorder) {
+        /* Leave out the leading time, "1.234567 s: ", if there is one */
+        const size_t digits = strspn(text, "-0123456789.");
+        const bool timed = digits && !strncmp(text + digits, " s: ", 4);
+
         recorder_event(simulator->recorder, time_ns, (unsigned)(*key >> 32),
-                       simulator_event_priority(*key), event_text_without_time(text));
+                       simulator_event_priority(*key), timed ? text + digits + 4 : text);
     }
     return true;
 }

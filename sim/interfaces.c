@@ -66,14 +66,13 @@ static enum error_code interface_prepare(const struct rig_bus *bus, const char *
                    : ops->configure(ops->context, name, &settings, error);
     }
     return info.up && !interface_bitrate_fits(info.controller.timing.bitrate, bus->bitrate)
-               ? error_set(
-                     error, ERROR_INPUT,
-                     "bus %s: interface %s runs at %u bit/s, expected %" PRId64
-                     " as the rig says; set it with `ip link set %s down && ip link set %s type "
-                     "can bitrate %" PRId64
-                     " && ip link set %s up`, or let the bus have configure: true",
-                     bus->name, name, info.controller.timing.bitrate, bus->bitrate, name, name,
-                     bus->bitrate, name)
+               ? error_set(error, ERROR_INPUT,
+                           "bus %s: interface %s runs at %u bit/s, expected %" PRId64
+                           " as the rig says; set it with `ip link set %s down && ip link set %s "
+                           "type can bitrate %" PRId64
+                           " && ip link set %s up`, or let the bus have configure: true",
+                           bus->name, name, info.controller.timing.bitrate, bus->bitrate, name,
+                           name, bus->bitrate, name)
                : ERROR_NONE;
 }
 
@@ -203,10 +202,10 @@ static void watch_poll(struct interface_watch *watch, const struct interface_ops
                 watch_report(watch, "is in bus-off; the kernel restarts it after %u ms",
                              controller->restart_ms);
             } else {
-                watch_report(watch,
-                             "is in bus-off until it is restarted (`ip link set %s type can "
-                             "restart`)",
-                             watch->name);
+                watch_report(
+                    watch,
+                    "is in bus-off until it is restarted (`ip link set %s type can restart`)",
+                    watch->name);
             }
         }
         watch->off = off;

@@ -63,14 +63,6 @@ static bool stimulus_mark_sent(void *context, const struct message *message)
     return true;
 }
 
-/* Finds a bus by the name of its interface, else by its own name; -1 = none. */
-static int stimulus_find_bus(const struct stimulus_reader *reader, const char *name)
-{
-    const int bus = TEXT_INDEX(reader->interface, reader->rig->nbus, name);
-
-    return bus < 0 ? rig_find_bus(reader->rig, name) : bus;
-}
-
 /* Checks whether a frame must be played, because a controller or an external board sent it. */
 static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bus,
                                  const struct bus_frame *frame)
@@ -171,7 +163,8 @@ static enum error_code stimulus_pass(const struct stimulus_reader *reader,
                                          stimulus, &frame, error))) {
             break;
         }
-        bus = stimulus_find_bus(reader, name);
+        bus = TEXT_INDEX(reader->interface, reader->rig->nbus, name);
+        bus = bus < 0 ? rig_find_bus(reader->rig, name) : bus;
         if (bus < 0) {
             code = error_set(error, ERROR_INPUT,
                              "%s:%d: found a frame on %s, expected an interface or a bus of %s; "

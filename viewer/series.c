@@ -231,14 +231,6 @@ enum error_code viewer_create_history(struct viewer *viewer, struct error *error
                           : ERROR_NONE;
 }
 
-/* After time has gone back to a row, sends the rows from there on again to clients ahead of it. */
-static void viewer_rewind_clients(struct viewer *viewer, uint64_t row)
-{
-    for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
-        viewer->client[i].row = viewer->client[i].row < row ? viewer->client[i].row : row;
-    }
-}
-
 void viewer_take_rows(struct viewer *viewer)
 {
     const struct stream_row *row;
@@ -246,7 +238,12 @@ void viewer_take_rows(struct viewer *viewer)
 
     while (viewer->stream && count < ROWS_A_TURN && (row = stream_front(viewer->stream))) {
         history_put(viewer->history, row->time_ns, row->value);
-        viewer_rewind_clients(viewer, history_end(viewer->history) - 1);
+        /* After time has gone back, send the rows from there on again to clients ahead of it */
+        for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
+            const uint64_t last = history_end(viewer->history) - 1;
+
+            viewer->client[i].row = viewer->client[i].row < last ? viewer->client[i].row : last;
+        }
         viewer->rows_lost = row->lost;
         stream_drop(viewer->stream);
         count++;

@@ -473,10 +473,9 @@ int cmd_test(int argc, char **argv)
             options.mutate || options.list || options.junit || options.program ||
             options.to_the_end || options.seed >= 0 || (options.jobs && !options.cases) ||
             (options.merge && options.output)) {
-            error_set(
-                &error, ERROR_INPUT,
-                "found options that do not belong together, expected --plan SWEEP --output PLAN, "
-                "--case CASES PLAN or --merge PLAN");
+            error_set(&error, ERROR_INPUT,
+                      "found options that do not belong together, expected --plan SWEEP --output "
+                      "PLAN, --case CASES PLAN or --merge PLAN");
             return command_fail("test", &error);
         }
         status = options.plan    ? test_plan_sweep(options.file[0], options.output)

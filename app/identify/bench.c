@@ -255,10 +255,10 @@ static enum error_code check_recordings(const struct bench *bench, struct error 
         return bench->drive && !bench->rig && count_columns(columns, 0, COLUMNS) == 4 &&
                        count_columns(columns, COLUMN_SUPPLY, COLUMNS) == 3
                    ? ERROR_NONE
-                   : yaml_error(error, &columns->mark,
-                                "found a column \"load\", expected steady states of a \"drive\" "
-                                "with columns \"load\", \"speed\", \"supply\" and "
-                                "\"supply_current\" alone");
+                   : yaml_error(
+                         error, &columns->mark,
+                         "found a column \"load\", expected steady states of a \"drive\" with "
+                         "columns \"load\", \"speed\", \"supply\" and \"supply_current\" alone");
     }
     if (!bench->rig || !columns->title[COLUMN_TIME] || bench->drive) {
         return yaml_error(error, &bench->mark,
@@ -268,8 +268,8 @@ static enum error_code check_recordings(const struct bench *bench, struct error 
     }
     if (count_columns(columns, COLUMN_GOAL, COLUMN_ENABLED) != 1) {
         return yaml_error(error, &columns->mark,
-                          "found none or several of the columns \"goal\", \"voltage\", "
-                          "\"torque\" and \"set_current\", expected one");
+                          "found none or several of the columns \"goal\", \"voltage\", \"torque\" "
+                          "and \"set_current\", expected one");
     }
     if (count_columns(columns, 0, SIGNALS) == 0) {
         return yaml_error(error, &columns->mark,
@@ -280,8 +280,8 @@ static enum error_code check_recordings(const struct bench *bench, struct error 
             (bench->mount.inertia_kg_m2 > 0.0) ||
         (bench->mount.lock_nm_rad > 0.0 && bench->mount.output != OUTPUT_LOCKED)) {
         return yaml_error(error, &bench->mark,
-                          "found an incomplete output, expected \"output_kg_m2\" with "
-                          "\"output: inertia\", or with \"output: locked\" and \"lock_nm_rad\"");
+                          "found an incomplete output, expected \"output_kg_m2\" with \"output: "
+                          "inertia\", or with \"output: locked\" and \"lock_nm_rad\"");
     }
     if (columns->title[COLUMN_GOAL] && !(bench->law.duty_per_rad > 0.0)) {
         return yaml_error(error, &columns->mark,
@@ -372,12 +372,12 @@ enum error_code bench_of_own(const char *joint, struct arena *arena, struct benc
                              struct error *error)
 {
     char text[512];
-    const int size = snprintf(
-        text, sizeof text,
-        "{name: own, source: recordings of coman-hil run --record, license: own, columns: {"
-        "time: time_s, position: \"q_%.63s_rad\", voltage: \"voltage_%.63s_v\", "
-        "current: \"current_%.63s_a\", voltage_before: true}}",
-        joint, joint, joint);
+    const int size =
+        snprintf(text, sizeof text,
+                 "{name: own, source: recordings of coman-hil run --record, license: own, columns: "
+                 "{time: time_s, position: \"q_%.63s_rad\", voltage: \"voltage_%.63s_v\", current: "
+                 "\"current_%.63s_a\", voltage_before: true}}",
+                 joint, joint, joint);
     enum error_code code =
         yaml_read_text("own", text, (size_t)size, &bench_schema, arena, bench, error);
 
@@ -485,12 +485,11 @@ static enum error_code read_state(const struct csv *csv, const int column[COLUMN
     r->time[i] =
         csv->cell[column[COLUMN_SUPPLY]] * csv->cell[column[COLUMN_SUPPLY_CURRENT]] - load * speed;
     r->signal[SIGNAL_LOSS][i] = 1.0;
-    return r->time[i] > 0.0
-               ? ERROR_NONE
-               : error_set(error, ERROR_INPUT,
-                           "%s:%ld: found losses of %.4g W, expected more than 0: load and speed "
-                           "have one sign if the motor turns the load",
-                           csv->path, csv->line, r->time[i]);
+    return r->time[i] > 0.0 ? ERROR_NONE
+                            : error_set(error, ERROR_INPUT,
+                                        "%s:%ld: found losses of %.4g W, expected more than 0: "
+                                        "load and speed have one sign if the motor turns the load",
+                                        csv->path, csv->line, r->time[i]);
 }
 
 /* Reads the rows of a table into arrays of `most` entries. */
@@ -514,10 +513,10 @@ static enum error_code read_rows(struct csv *csv, const int column[COLUMNS], siz
     }
     /* Drives respond within milliseconds, so a larger time step means another unit of time */
     if (!code && !steady && r->time[r->count - 1] - r->time[0] > ROW_S * (double)(r->count - 1)) {
-        return error_set(error, ERROR_INPUT,
-                         "%s: found %zu rows in %.9g s, expected one in %g s or more: is the "
-                         "time in seconds?",
-                         csv->path, r->count, r->time[r->count - 1] - r->time[0], ROW_S);
+        return error_set(
+            error, ERROR_INPUT,
+            "%s: found %zu rows in %.9g s, expected one in %g s or more: is the time in seconds?",
+            csv->path, r->count, r->time[r->count - 1] - r->time[0], ROW_S);
     }
     r->supply /= (double)(r->count ? r->count : 1);
     return code;

@@ -39,11 +39,9 @@ static void write_head(const struct fit_problem *problem, const struct identify_
                     result->fit.value[i]);
         }
     }
-    fprintf(
-        out,
-        "#\n# Behind each number stands how far it can be trusted: I, identified (with sigma, or "
-        "what\n# the recordings do not tell), F, follows such a one, or as in the drive that it "
-        "began\n# from.\n");
+    fprintf(out, "#\n# Behind each number stands how far it can be trusted: I, identified (with "
+                 "sigma, or what\n# the recordings do not tell), F, follows such a one, or as in "
+                 "the drive that it began\n# from.\n");
 }
 
 /* Writes the keys of the drive, each with the uncertainty of its value. */

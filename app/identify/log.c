@@ -190,14 +190,6 @@ static bool read_signal(const struct log_source *source, const struct log_signal
            dbc_read_signal(of->message, of->signal, frame, value);
 }
 
-/* Returns the index of the bus with this name or interface, or -1. */
-static int find_bus(const struct rig *rig, const char *name)
-{
-    const int bus = rig_find_bus(rig, name);
-
-    return bus >= 0 ? bus : TEXT_FIND(rig->bus, rig->nbus, interface, name);
-}
-
 /* The present command, and its integral over time since the last row. */
 struct log_command {
     bool given;
@@ -233,7 +225,9 @@ static enum error_code read_frames(const struct log_source *source, const char *
         return code;
     }
     while (!(code = candump_next(&reader, &frame, name, &end, error)) && !end) {
-        const int found = find_bus(source->rig, name);
+        const struct rig *rig = source->rig;
+        const int named = rig_find_bus(rig, name);
+        const int found = named >= 0 ? named : TEXT_FIND(rig->bus, rig->nbus, interface, name);
         const size_t bus = (size_t)found;
 
         if (found < 0) {

@@ -92,11 +92,11 @@ static void identify_plot(struct report *report, const char *id, const struct re
     };
     char caption[256];
 
-    snprintf(
-        caption, sizeof caption,
-        "%.100s, %s: mean error %.4f %s, RMS %.4f %s (%.1f %%), at worst %.3f %s; the residual "
-        "and its spectrum",
-        r->name, name, found.mean, unit, found.rms, unit, 100.0 * found.share, found.worst, unit);
+    snprintf(caption, sizeof caption,
+             "%.100s, %s: mean error %.4f %s, RMS %.4f %s (%.1f %%), at worst %.3f %s; the "
+             "residual and its spectrum",
+             r->name, name, found.mean, unit, found.rms, unit, 100.0 * found.share, found.worst,
+             unit);
     report_figure(report, id, caption, panel, 3);
     free(residual);
 }
@@ -151,11 +151,9 @@ static void add_recordings(struct report *report, const struct identify_bench *b
     snprintf(id, sizeof id, "%.20s-responses", bench->bench.name);
     report_table(
         report, id,
-        "Responses of the first signals to the command. Steps: times to 10, 63 and 90 % of "
-        "the change. Sweeps: cross spectra in bands of 1 Hz; bandwidth at -3 dB of the "
-        "lowest band",
-        "recording||t10, ms|t63, ms|t90, ms|overshoot, %|gain|bandwidth, Hz|largest "
-        "gain|at, Hz");
+        "Responses of the first signals to the command. Steps: times to 10, 63 and 90 % of the "
+        "change. Sweeps: cross spectra in bands of 1 Hz; bandwidth at -3 dB of the lowest band",
+        "recording||t10, ms|t63, ms|t90, ms|overshoot, %|gain|bandwidth, Hz|largest gain|at, Hz");
     for (size_t i = 0; i < bench->nrecording; i++) {
         const struct recording *r = &bench->recording[i];
         const enum signal first = recording_first(r);
@@ -330,9 +328,10 @@ enum error_code validation_write_page(const struct validation *validation, size_
         return code;
     }
     report_section(&report, "benches", "Measured benches");
-    report_text(&report, "Simulations run free from the first row of a recording: they are never "
-                         "set back to what was measured. Points are steady states: errors are "
-                         "shares of what was measured.");
+    report_text(
+        &report,
+        "Simulations run free from the first row of a recording: they are never set back to what "
+        "was measured. Points are steady states: errors are shares of what was measured.");
     report_table(&report, "summary", "Mean errors",
                  "bench|what|unit|ours|best published|limit|verdict");
     for (size_t i = 0; i < count; i++) {

@@ -79,10 +79,9 @@ enum error_code parameter_check(const char *key, int *parameter, struct error *e
         return ERROR_NONE;
     }
     return error_set(error, ERROR_INPUT, "found \"%.63s\", expected %s", key,
-                     near
-                         ? near
-                         : "a key of a drive's file, or offset_rad, delay_s, arm_kg, command_gain: "
-                           "a number that can be identified");
+                     near ? near
+                          : "a key of a drive's file, or offset_rad, delay_s, arm_kg, "
+                            "command_gain: a number that can be identified");
 }
 
 const int parameter_count = (int)ARRAY_COUNT(parameters);

@@ -68,14 +68,6 @@ void mesh_add_face(struct mesh_reader *r, int a, int b, int c)
 
 /* ---- binary STL ---- */
 
-/* Checks whether an STL is binary: its size matches the number of facets in its header. */
-static bool stl_is_binary(const char *text, size_t size)
-{
-    return size >= STL_HEADER + 4 &&
-           size ==
-               STL_HEADER + 4 + (size_t)get_u32_le((const uint8_t *)text + STL_HEADER) * STL_FACE;
-}
-
 /* Reads a binary STL: after the normal, three corners of three floats in each facet. */
 static void stl_read_binary(struct mesh_reader *r)
 {
@@ -288,7 +280,10 @@ enum error_code import_parse_mesh(const char *name, bool is_file, const char *te
     const char *ending = strrchr(r.name, '.');
 
     ending = ending ? ending + 1 : "";
-    if (!strcasecmp(ending, "stl") && stl_is_binary(r.at, (size_t)(r.end - r.at))) {
+    /* An STL is binary if its size matches the number of facets in its header */
+    if (!strcasecmp(ending, "stl") && size >= STL_HEADER + 4 &&
+        size ==
+            STL_HEADER + 4 + (size_t)get_u32_le((const uint8_t *)text + STL_HEADER) * STL_FACE) {
         stl_read_binary(&r);
     } else if (!strcasecmp(ending, "stl")) {
         stl_read_text(&r);

@@ -254,14 +254,6 @@ static void described_find_constants(const struct described_frame *frame, struct
     described_encode(&constants, 0, 0, counts, value);
 }
 
-/* Returns whether a frame without data could match both rows, one remote and one with data. */
-static bool described_may_be_empty(const struct described_frame *a, const struct described_frame *b)
-{
-    const struct described_frame *request = a->remote ? a : b, *other = a->remote ? b : a;
-
-    return request->or_empty && other->shortest == 0;
-}
-
 /* Returns whether one of two rows is the request to a drive and the other only an answer of the
  * same drive with the request's identifier, as LK-TECH's have it. */
 static bool described_is_exchange(const struct described_frame *a, const struct described_frame *b)
@@ -281,7 +273,10 @@ bool described_told_apart(const struct described_frame *a, const struct describe
         return a->remote != b->remote || described_is_exchange(a, b);
     }
     if (a->remote != b->remote) {
-        return !described_may_be_empty(a, b);
+        /* A frame without data could match both rows, one remote and one with data */
+        const struct described_frame *request = a->remote ? a : b, *other = a->remote ? b : a;
+
+        return !request->or_empty || other->shortest != 0;
     }
     if (a->remote) {
         return false; /* lengths do not distinguish them */

@@ -69,12 +69,6 @@ static int64_t foc_law_add(const struct foc_law *law, int64_t *v, int64_t *befor
     return *v >> law->shift;
 }
 
-/* Advances a law by one millisecond. Returns Vq. */
-static int64_t foc_law_step(struct foc_law *law, int64_t error)
-{
-    return foc_law_add(law, &law->v, &law->error, error, FOC_VQ_MAX);
-}
-
 /* Limits the current: returns vq, plus the voltage that keeps the current at its peak. */
 static int64_t foc_limiter_step(struct foc_board *foc, int64_t vq, int64_t current_ma)
 {
@@ -650,7 +644,8 @@ static void foc_board_step_laws(struct foc_board *foc)
         vq = foc_limiter_step(foc, foc->target / (1 << FOC_VQ_SHIFT), current_ma);
         break;
     case ICUB_MODE_SPEED_VOLTAGE:
-        vq = foc_limiter_step(foc, foc_law_step(speed, error), current_ma);
+        vq = foc_limiter_step(foc, foc_law_add(speed, &speed->v, &speed->error, error, FOC_VQ_MAX),
+                              current_ma);
         break;
     case ICUB_MODE_POSITION:
         vq = foc_limiter_step(

@@ -195,15 +195,6 @@ static void choose_base_frame(const struct robot *robot, struct tree_body *base)
     base->aligned = mat3_is_identity(base->align);
 }
 
-/* Returns the angle about axis k that rotates the component of x across the axis onto a coordinate
- * axis. */
-static double angle_to_axis(int k, const double x[3])
-{
-    double angle = portable_atan2(x[(k + 2) % 3], x[(k + 1) % 3]);
-
-    return angle - M_PI_2 * round(angle / M_PI_2);
-}
-
 /* Chooses the zero of a revolute joint to reduce the cost of the body's children. align: working
  * frame for offset 0. */
 static void choose_offset(const struct robot *robot, size_t b, struct tree_body *body)
@@ -227,7 +218,10 @@ static void choose_offset(const struct robot *robot, size_t b, struct tree_body 
             across[1][m] += at[m];
         }
         for (int n = 0; n < 2; n++) {
-            double angle = angle_to_axis(body->axis, across[n]), align[9], cost;
+            /* The angle that rotates the component across the axis onto a coordinate axis */
+            const double turned =
+                portable_atan2(across[n][(body->axis + 2) % 3], across[n][(body->axis + 1) % 3]);
+            double angle = turned - M_PI_2 * round(turned / M_PI_2), align[9], cost;
             struct tree_turn turn = {body->axis, portable_cos(angle), portable_sin(angle)};
 
             if (fabs(angle) <= ROUNDING) {
