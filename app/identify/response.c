@@ -74,7 +74,7 @@ static void add_band(const double *time, const double *command, const double *si
     *cross = 0.0;
     for (int line = 0; line < LINES; line++) {
         const double w = 2.0 * M_PI * (hz - 0.5 + ((double)line + 0.5) / LINES);
-        const double complex turn = CMPLX(cos(w * step), -sin(w * step));
+        const double complex turn = cexp(-w * step * (double complex)I);
         double complex input = 0.0, output = 0.0, angle = 1.0;
         size_t row = 0;
 

@@ -369,8 +369,7 @@ static void icub_bus_receive(struct boards *boards, struct board_bus *bus,
     case ICUB_PERIODIC_MOTOR:
         icub_bus_receive_targets(boards, bus, frame);
         break;
-    case ICUB_PERIODIC_ANALOG:
-
+    case ICUB_PERIODIC_ANALOG: {
         /* Store a frame from a real STRAIN board, so that motor boards can use its torques */
         unsigned type = frame->id & 0xf;
         uint8_t source = frame->id >> 4 & 0xf;
@@ -383,6 +382,7 @@ static void icub_bus_receive(struct boards *boards, struct board_bus *bus,
                                  boards->now_ns);
         }
         break;
+    }
     default:
         boards->counters.foreign++;
         break;

@@ -53,7 +53,7 @@ def test_each_joint_has_its_own_voltage():
                "foc-leg", "mini-cheetah", "moteus", "myactuator-rmd", "odrive", "rest-bus",
                "robstride", "robstride-mit", "strict", "vesc")}
     others |= {RIGS / "hyq.yaml", RIGS / "hyq-leg.yaml", RIGS / "xl330-pendulum.yaml",
-               RIGS / "ak80-6-pendulum.yaml", *RIGS.glob("arm-*.yaml")}
+               RIGS / "ak80-6-pendulum.yaml", RIGS / "sea-rmd-x8.yaml", *RIGS.glob("arm-*.yaml")}
     for path in sorted(set(RIGS.glob("*.yaml")) - others):
         with Simulator(path, hold="always") as sim:
             sim.enable()
