@@ -247,7 +247,6 @@ struct simulator_parts simulator_parts(const struct simulator *simulator)
     return (struct simulator_parts){
         .boards = simulator->boards,
         .faults = simulator->faults,
-        .measured = simulator->measured,
         .gateway = simulator->gateway,
         .failure = simulator->failure,
         .settled = simulator->config.settle ? &simulator->settled : NULL,
@@ -259,6 +258,11 @@ struct simulator_parts simulator_parts(const struct simulator *simulator)
         .stream = simulator->stream,
         .view_stream = simulator->view_stream,
     };
+}
+
+const struct plant_sensors *simulator_measured(const struct simulator *simulator)
+{
+    return simulator->measured;
 }
 
 struct plant *simulator_plant(const struct simulator *simulator)

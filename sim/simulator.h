@@ -166,12 +166,10 @@ enum journal_priority simulator_event_priority(uint64_t key);
 
 /* The parts that a created simulator consists of. They stay the same until simulator_destroy. */
 struct simulator_parts {
-    struct boards *boards; /* read their counters after the run */
-    struct faults *faults; /* switch them (faults_set) in the loop's thread or before the run */
-    /* measured values of the boards; read them in the loop's thread, or after the run */
-    const struct plant_sensors *measured;
-    struct gateway *gateway;         /* NULL = none */
-    const char *failure;             /* valid after LOOP_END_MODEL */
+    struct boards *boards;   /* read their counters after the run */
+    struct faults *faults;   /* switch them (faults_set) in the loop's thread or before the run */
+    struct gateway *gateway; /* NULL = none */
+    const char *failure;     /* valid after LOOP_END_MODEL */
     const struct settled *settled;   /* result of plant_settle at the start; NULL = none */
     const struct stimulus *stimulus; /* frames of the recorded controller; NULL = none */
     const char *dynamics; /* names the implementation of the rigid-body dynamics and its reason */
@@ -193,6 +191,8 @@ const struct simulator_config *simulator_configuration(const struct simulator *s
 const struct loop_stats *simulator_stats(const struct simulator *simulator);
 struct can_port *simulator_port(const struct simulator *simulator, size_t bus);
 struct plant *simulator_plant(const struct simulator *simulator); /* after the run */
+/* Returns the measured values of the boards. Call it in the loop's thread, or after the run. */
+const struct plant_sensors *simulator_measured(const struct simulator *simulator);
 const struct task_runner *
 simulator_task_runner(const struct simulator *simulator); /* NULL = none */
 /* Returns whether energy appeared from nowhere (sim/mechanics_events.h). If so, the results are

@@ -73,7 +73,7 @@ static double signal_read_joint(const struct scenario_view *view, size_t joint, 
 static double signal_read_measured_joint(const struct scenario_view *view, size_t joint,
                                          size_t word)
 {
-    return joint_value(&simulator_parts(view->simulator).measured->motor[joint], word);
+    return joint_value(&simulator_measured(view->simulator)->motor[joint], word);
 }
 
 static double signal_read_ft(const struct scenario_view *view, size_t ft, size_t word)
@@ -83,7 +83,7 @@ static double signal_read_ft(const struct scenario_view *view, size_t ft, size_t
 
 static double signal_read_measured_ft(const struct scenario_view *view, size_t ft, size_t word)
 {
-    return wrench_value(&simulator_parts(view->simulator).measured->ft[ft], word);
+    return wrench_value(&simulator_measured(view->simulator)->ft[ft], word);
 }
 
 /* Returns a value of a joint that the host has received. */

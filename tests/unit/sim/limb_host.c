@@ -35,7 +35,7 @@ static void limb_host_step(void *context, int64_t now_ns)
 {
     struct limb_host *host = context;
     const struct bus_frame *last = &host->frame[host->nframe - 1];
-    const struct plant_sensors *sensors = simulator_parts(host->simulator).measured;
+    const struct plant_sensors *sensors = simulator_measured(host->simulator);
 
     if (host->sent < host->nframe) {
         can_send(host->ports.port[LEFT_LEG], &host->frame[host->sent++], 1);

@@ -195,7 +195,7 @@ TEST(the_log_tells_how_hard_a_push_is)
 
 static void sag(struct play *p, int64_t tick)
 {
-    double supply = simulator_parts(p->w.simulator).measured->supply_v;
+    double supply = simulator_measured(p->w.simulator)->supply_v;
 
     if (tick == 5 || tick == 10) {
         struct loop_request request = {.kind = REQUEST_FAULT, .index = 0, .on = tick == 5};
@@ -315,7 +315,7 @@ static void tune(struct play *p, int64_t tick)
     case 7:
         p->number[1] = value_of("joint.RKneeSag.position_kp");
         p->number[2] = value_of("supply_v");
-        p->number[3] = simulator_parts(p->w.simulator).measured->supply_v;
+        p->number[3] = simulator_measured(p->w.simulator)->supply_v;
         p->number[4] = value_of("sensing.noise_scale");
         told("RKneeSag", ICUB_GET_P_GAIN);
         tell_board("RKneeSag", ICUB_GET_P_GAIN, 0, 1);

@@ -82,7 +82,7 @@ static inline void note(struct witness *w, struct pass *pass)
         }
     }
     pass->plant = plant_hash(simulator_plant(w->simulator));
-    pass->measured = hash_measured(simulator_parts(w->simulator).measured);
+    pass->measured = hash_measured(simulator_measured(w->simulator));
 }
 
 static inline void enable_springs(struct rig *rig)
