@@ -39,7 +39,7 @@ struct current_law {
     double stiffness_a_rad, position_rad;
     double reading_rad; /* the motor's angle as the controller reads it now */
     double damping_a_s_rad, speed_rad_s;
-    double bandwidth_rad_s; /* 0 = that of the drive, 2 pi current_loop_hz */
+    double bandwidth_rad_s; /* of the loop; 0 = 2 pi current_loop_hz of the drive */
 };
 
 /* The command of one drive's bridge for the next tick. */

@@ -43,7 +43,7 @@ struct described_letter {
     int64_t period_ns;
 };
 
-/* Stiffness of an axis per damping, 1/s, for drives whose damping is that of their winding. */
+/* Largest ratio kp / kd of a light motor, 1/s. Its kd is limited to the damping of the winding. */
 #define GAIN_PER_S 20.0
 
 /* Returns kp or kd for an axis; 0 if the frame has no such field. It is the file's value, at most

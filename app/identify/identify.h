@@ -252,8 +252,7 @@ struct bench {
     struct bench_sigmas sigmas;
     struct bench_law law;
     double robust_rad; /* larger errors count linearly; 0 = all errors are squared */
-    double limit[2];   /* largest accepted mean error of the validation recordings; the same of the
-                         * points, or of the signals' RMS errors by their RMS */
+    double limit[2];   /* largest accepted mean error: [0] in the signal's unit, [1] as a share */
     double diagram_nm; /* largest motor torque of the drive/back-drive diagram; 0 = no diagram */
     struct bench_free *free;
     struct bench_recording *recording;

@@ -142,7 +142,7 @@ static void enable(struct bench *bench, bool current)
         return;
     }
     if (bench->protocol == &protocol_foc) {
-        /* A PI law for steps of 1 ms, of which the board takes kp / L, with shift 15 */
+        /* Gains of a PI law for steps of 1 ms, with shift 15. The board uses kp / L as bandwidth */
         double a = exp(-1e-3 * bench->sea.R / bench->sea.L);
         double sum = 0.5 * bench->sea.R / ((1.0 - a) * 48.0);
         /* kp + ki / 2 */

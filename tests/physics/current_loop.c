@@ -97,8 +97,8 @@ TEST(current_of_a_locked_rotor_follows_its_bandwidth_filter_and_delay)
     }
 }
 
-/* A controller starts at the present current, whatever ran before: a voltage, or a law whose
- * commands were under way when the plant was reset. */
+/* A controller starts at the present current after a voltage, and after a reset of the plant during
+ * a law. The reset discards delayed commands. */
 TEST(a_law_starts_at_the_present_current_without_earlier_commands)
 {
     struct robot_sea sea = toy_drive(400.0);

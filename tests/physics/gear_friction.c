@@ -238,8 +238,8 @@ TEST(presliding_friction_breaks_away_and_slides_as_coulomb)
     }
 }
 
-/* A rotor thrown against a stiff presliding stops as under Coulomb friction, whatever the
- * integrator: its grip is F at most also within a substep. */
+/* With a large presliding stiffness, a moving rotor stops as under Coulomb friction, with each
+ * integrator. The presliding torque does not exceed F within a substep. */
 TEST(stiff_presliding_brakes_with_no_more_than_friction)
 {
     static const double stiffness[] = {1e3, 1e5, 1e7};

@@ -181,8 +181,8 @@ static double stop_energy_at(const struct robot_stop *stop, double depth)
     return depth > 0.0 ? 0.5 * stop->stiffness * depth * depth : 0.0;
 }
 
-/* Computes the energies of a drive and its link, J. Returns a bound on their rounding errors:
- * that of angles, which may be large, times torques. */
+/* Computes the energies of a drive and its link, J. Returns a bound on their rounding errors: the
+ * rounding errors of the angles times the torques. */
 static double find_energies(const struct passive_drive *d, double q, double speed, const double *y,
                             const double *effect, double store[STORES])
 {

@@ -574,8 +574,8 @@ TEST_WITH(inertial_boards_load_their_buses, open_rig_tree, close_rig_tree)
     }
 }
 
-/* A command and its answer take 135 bits each on classic CAN, so that 3 Damiao drives fit in a
- * millisecond, and 1 / 135 / 2 of every longer one. Beside sensors no number is told. */
+/* On classic CAN a command and its answer take 135 bits each. So 3 Damiao drives fit into a
+ * millisecond at 1 Mbit/s. For a bus with sensor boards, `check` prints no such number. */
 TEST_WITH(a_bus_carries_as_many_axes_as_fit_between_two_commands, open_rig_tree, close_rig_tree)
 {
     const struct rig *rig = load_rig(HIL_SOURCE_DIR "/config/rigs/coman-damiao.yaml");
