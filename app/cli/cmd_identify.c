@@ -61,24 +61,23 @@ static void print_identified(const struct fit_problem *problem,
     for (size_t i = 0; i < problem->nfree; i++) {
         const char *group = problem->free[i].group;
 
-        printf("%-24s %12.6g +- %-9.2g %s%s%s\n", parameters[problem->free[i].parameter].key,
-               fit->value[i], fit->sigma[i], word_of(fit_verdict_words, (int)fit->verdict[i]),
+        printf("%-24s %12.6g +- %-9.2g %s%s%s\n", problem->free[i].name, fit->value[i],
+               fit->sigma[i], word_of(fit_verdict_words, (int)fit->verdict[i]),
                group ? ", group " : "", group ? group : "");
     }
     for (size_t i = 0; i < problem->nfree; i++) {
         for (size_t k = 0; k < i; k++) {
             if (fabs(fit->correlation[i][k]) > FIT_CORRELATED) {
-                printf("%s and %s are hardly told apart: correlation %.3f\n",
-                       parameters[problem->free[k].parameter].key,
-                       parameters[problem->free[i].parameter].key, fit->correlation[i][k]);
+                printf("%s and %s are hardly told apart: correlation %.3f\n", problem->free[k].name,
+                       problem->free[i].name, fit->correlation[i][k]);
             }
         }
     }
     for (size_t i = 0; i < bench->nrecording; i++) {
         const struct recording *r = &bench->recording[i];
 
-        printf("%s: mean error %.4f %s, %.4f before", r->file, result->fitted[i], unit,
-               result->start[i]);
+        printf("%s: mean error %.4f %s, %.4f before", bench->trial.njoint > 1 ? r->name : r->file,
+               result->fitted[i], unit, result->start[i]);
         if (!isnan(result->crossed[i])) {
             printf(", %.4f by the folds without it", result->crossed[i]);
         }
@@ -187,19 +186,21 @@ int cmd_identify(int argc, char **argv)
          "a measured bench: what the columns mean, the servo's law, which numbers are free within "
          "which bounds, its recordings; RIG is then not needed",
          .value = &o.bench, .noun = "validations"},
-        {"--joint", OPTION_STRING, "NAME", "the joint; by default the only one", .value = &o.joint},
+        {"--joint", OPTION_STRING, "NAME", "the only joint to identify; brakes hold the others",
+         .value = &o.joint},
         {"--free", OPTION_STRING, "KEY,...",
-         "numbers to be found, by their keys in a drive's file; by default those of the bench",
+         "numbers to be found, by their keys in a drive's file, of each drive, or as JOINT.KEY; by "
+         "default those of the bench",
          .value = &o.free},
         {"--cross", OPTION_FLAG, NULL,
          "also fit without each group of recordings, and judge on that group", .value = &o.cross},
-        {"--output", OPTION_STRING, "FILE", "drive's file to write", .value = &o.output,
-         .letter = "-o"},
+        {"--output", OPTION_STRING, "FILE", "drive's file to write; of several drives FILE-JOINT",
+         .value = &o.output, .letter = "-o"},
         {"--report", OPTION_STRING, "DIR", "folder for a page with plots", .value = &o.report},
     };
-    static const struct operand_spec operands[] = {{"RIG",
-                                                    "rig of one driven joint, by file or name",
-                                                    false, .value = &o.rig, .noun = "rigs"}};
+    static const struct operand_spec operands[] = {
+        {"RIG", "rig of one or more driven joints, by file or name", false, .value = &o.rig,
+         .noun = "rigs"}};
     static const struct command_spec spec = {
         .name = "identify",
         .summary = "Fit a drive's numbers to recordings of it.",

@@ -139,6 +139,13 @@ static const struct yaml_field published_fields[] = {
 static const struct yaml_schema published_schema =
     YAML_SCHEMA("a published error", struct bench_published, published_fields);
 
+static const struct yaml_field joint_fields[] = {
+    YAML_TEXT("joint", true, bench_joint, joint, 1, 1000),
+    YAML_TEXT("drive", false, bench_joint, drive, 1, 1000),
+};
+static const struct yaml_schema joint_schema =
+    YAML_SCHEMA("a joint to identify", struct bench_joint, joint_fields, .alone = "joint");
+
 static const struct word output_words[] = {
     {"free", OUTPUT_FREE}, {"locked", OUTPUT_LOCKED}, {"inertia", OUTPUT_INERTIA}, {NULL, 0}};
 
@@ -151,6 +158,7 @@ static const struct yaml_field bench_fields[] = {
     YAML_TEXT("obtain", false, bench, obtain, 1, 1000),
     YAML_TEXT("rig", false, bench, rig, 1, 1000),
     YAML_TEXT("drive", false, bench, drive, 1, 1000),
+    YAML_ENTRIES("joints", YAML_LIST, false, bench, joint, njoint, joint_schema),
     {"output", YAML_ENUM, false, .offset = offsetof(struct bench, mount.output),
      .names = output_words},
     YAML_NUMBER("output_kg_m2", false, bench, mount.inertia_kg_m2, DBL_MIN, 1e6),
@@ -178,7 +186,8 @@ static const struct yaml_schema bench_schema =
 static enum error_code find_number(const struct yaml_mark *mark, const char *key, double value,
                                    int *parameter, struct error *error)
 {
-    return parameter_check(key, parameter, error) || robot_check_number(key, value, error)
+    return parameter_check(key, parameter, error) ||
+                   robot_check_number(parameters[*parameter].key, value, error)
                ? error_prefix(error, "%s:%d:%d", mark->file, mark->line, mark->column)
                : ERROR_NONE;
 }
@@ -371,15 +380,21 @@ enum error_code bench_read(const char *path, struct arena *arena, struct bench *
 enum error_code bench_of_own(const char *joint, struct arena *arena, struct bench *bench,
                              struct error *error)
 {
-    char text[512];
-    const int size =
-        snprintf(text, sizeof text,
-                 "{name: own, source: recordings of coman-hil run --record, license: own, columns: "
-                 "{time: time_s, position: \"q_%.63s_rad\", voltage: \"voltage_%.63s_v\", current: "
-                 "\"current_%.63s_a\", voltage_before: true}}",
-                 joint, joint, joint);
+    static const char text[] =
+        "{name: own, source: recordings of coman-hil run --record, license: own, columns: {time: "
+        "time_s, position: q_*_rad, voltage: voltage_*_v, current: current_*_a, "
+        "voltage_before: true}}";
     enum error_code code =
-        yaml_read_text("own", text, (size_t)size, &bench_schema, arena, bench, error);
+        yaml_read_text("own", text, sizeof text - 1, &bench_schema, arena, bench, error);
+
+    if (!code && joint) {
+        bench->joint = arena_alloc(arena, 1, sizeof *bench->joint);
+        if (!bench->joint) {
+            return error_set(error, ERROR_MEMORY, "no memory for a bench");
+        }
+        *bench->joint = (struct bench_joint){.joint = joint};
+        bench->njoint = 1;
+    }
 
     bench->columns.current_is_optional = true;
     return code;
@@ -410,6 +425,28 @@ static size_t comment_size(const char *text)
         at += *at == '\n';
     }
     return (size_t)(at - text);
+}
+
+/* Copies columns, with the name of a joint in the place of "*". */
+static enum error_code take_joint(const struct bench_columns *columns, const char *joint,
+                                  struct arena *arena, struct bench_columns *taken,
+                                  struct error *error)
+{
+    *taken = *columns;
+    for (size_t i = 0; i < COLUMNS; i++) {
+        const char *title = columns->title[i], *star = title ? strchr(title, '*') : NULL;
+        char text[2048];
+
+        if (star) {
+            snprintf(text, sizeof text, "%.*s%.600s%s", (int)(star - title), title, joint,
+                     star + 1);
+            taken->title[i] = arena_strdup(arena, text);
+            if (!taken->title[i]) {
+                return error_set(error, ERROR_MEMORY, "no memory for the titles of columns");
+            }
+        }
+    }
+    return ERROR_NONE;
 }
 
 /* Finds the columns of a table by their titles. The index is -1 if the bench has no title for a
@@ -562,7 +599,8 @@ void recording_take_zero(struct recording *r, enum bench_zero zero)
 
 bool recording_is_with(const struct recording *one, const struct recording *other)
 {
-    return one == other || (one->group[0] && !strcmp(one->group, other->group));
+    return one - one->place == other - other->place ||
+           (one->group[0] && !strcmp(one->group, other->group));
 }
 
 enum signal recording_first(const struct recording *recording)
@@ -576,7 +614,7 @@ enum signal recording_first(const struct recording *recording)
 }
 
 /* Reads a recording from the text of its file. */
-static enum error_code read_table(const struct bench *bench, const char *path, const char *text,
+static enum error_code read_table(const struct bench_columns *columns, const char *text,
                                   size_t size, struct arena *arena, struct recording *r,
                                   struct error *error)
 {
@@ -590,10 +628,10 @@ static enum error_code read_table(const struct bench *bench, const char *path, c
     for (size_t i = comments; i < size; i++) {
         most += text[i] == '\n';
     }
-    if ((code = csv_open_memory(path, text + comments, size - comments, &csv, error))) {
+    if ((code = csv_open_memory(r->file, text + comments, size - comments, &csv, error))) {
         return code;
     }
-    code = find_columns(&bench->columns, csv, column, error);
+    code = find_columns(columns, csv, column, error);
     for (size_t i = 0; i < SIGNALS; i++) {
         has[i] = !code && column[i] >= 0;
     }
@@ -601,6 +639,54 @@ static enum error_code read_table(const struct bench *bench, const char *path, c
     code = code ? code : read_rows(csv, column, most + 1, r, error);
     csv_close(csv);
     return code;
+}
+
+/* Removes the first rows of a recording. */
+static void skip_rows(struct recording *r, size_t rows)
+{
+    r->count -= rows;
+    r->time += rows;
+    r->goal += rows;
+    r->voltage += rows;
+    r->enabled += rows;
+    for (size_t i = 0; i < SIGNALS; i++) {
+        r->signal[i] = r->signal[i] ? r->signal[i] + rows : NULL;
+    }
+}
+
+/* Names the recordings of the joints of a file. Those of a log get a common zero of time. Those of
+ * a run begin when a drive gets its first voltage: until then a brake may hold the joints. */
+static enum error_code finish_recording(const struct identify_bench *bench, struct arena *arena,
+                                        struct recording *r, struct error *error)
+{
+    const struct trial_robot *trial = &bench->trial;
+    int64_t begin_ns = r->begin_ns;
+    size_t still = 0;
+    bool moved = r->is_log || !r->voltage_before;
+
+    for (size_t k = 1; k < trial->njoint; k++) {
+        begin_ns = r[k].begin_ns < begin_ns ? r[k].begin_ns : begin_ns;
+    }
+    while (!moved && still + 16 < r->count) {
+        for (size_t k = 0; k < trial->njoint; k++) {
+            moved |= r[k].voltage[still + 1] != 0.0;
+        }
+        still += !moved;
+    }
+    for (size_t k = 0; k < trial->njoint && trial->njoint > 1; k++) {
+        char name[512];
+
+        skip_rows(&r[k], still);
+        for (size_t i = 0; i < r[k].count && r->is_log; i++) {
+            r[k].time[i] += 1e-9 * (double)(r[k].begin_ns - begin_ns);
+        }
+        snprintf(name, sizeof name, "%.400s, %.100s", r[k].name, trial->joint[trial->at[k]].name);
+        r[k].name = arena_strdup(arena, name);
+        if (!r[k].name) {
+            return error_set(error, ERROR_MEMORY, "no memory left for a recording");
+        }
+    }
+    return ERROR_NONE;
 }
 
 enum error_code recording_read(const struct identify_bench *bench, const char *path,
@@ -628,16 +714,23 @@ enum error_code recording_read(const struct identify_bench *bench, const char *p
     if (expected && strcmp(expected, r->sum) != 0) {
         code = error_set(error, ERROR_INPUT, "%.200s: found CRC-32 %s, expected %.16s", path,
                          r->sum, expected);
-    } else if (r->is_log) {
-        code = recording_read_log(bench->rig, bench->trial.joint.name, columns, arena, r, error);
-    } else if (!(r->gain > 0.0)) {
+    } else if (!r->is_log && !(r->gain > 0.0)) {
         code = error_set(error, ERROR_INPUT,
                          "%.200s: found no \"%.63s\" with a number in the comments at its begin, "
                          "expected the gain of the servo",
                          path, word);
-    } else {
-        code = read_table(&bench->bench, path, text, size, arena, r, error);
+    }
+    for (size_t k = 0; k < bench->trial.njoint && !code; k++) {
+        const char *joint = bench->trial.joint[bench->trial.at[k]].name;
+        struct bench_columns own;
+
+        r[k] = r[0];
+        r[k].place = k;
+        code = take_joint(columns, joint, arena, &own, error);
+        code = code        ? code
+               : r->is_log ? recording_read_log(bench->rig, joint, &own, arena, &r[k], error)
+                           : read_table(&own, text, size, arena, &r[k], error);
     }
     free(text);
-    return code;
+    return code ? code : finish_recording(bench, arena, r, error);
 }

@@ -5,6 +5,7 @@
 
 #include "base/whole_file.h"
 
+#include <limits.h>
 #include <string.h>
 
 /* Writes the source of the numbers, as comments. */
@@ -29,7 +30,7 @@ static void write_head(const struct fit_problem *problem, const struct identify_
                 signal_kinds[result->fit.first].unit);
     }
     for (size_t i = 0; i < problem->nfree; i++) {
-        const char *key = parameters[problem->free[i].parameter].key;
+        const char *key = problem->free[i].name;
 
         if (problem->free[i].group) {
             fprintf(out, "# Of the recordings of group %s: %s %.6g.\n", problem->free[i].group, key,
@@ -44,14 +45,14 @@ static void write_head(const struct fit_problem *problem, const struct identify_
                  "the drive that it began\n# from.\n");
 }
 
-/* Writes the keys of the drive, each with the uncertainty of its value. */
+/* Writes the keys of the drive of joint j, each with the uncertainty of its value. */
 static void write_keys(const struct fit_problem *problem, const struct identify_result *result,
-                       FILE *out)
+                       int j, FILE *out)
 {
     const struct trial_robot *made = &result->fit.trial;
 
     fprintf(out, "drive:\n");
-    for (int i = 0; i < parameter_count; i++) {
+    for (int i = j * parameter_count; i < (j + 1) * parameter_count; i++) {
         const double value = parameter_get(made, i);
         int free = -1;
 
@@ -61,7 +62,7 @@ static void write_keys(const struct fit_problem *problem, const struct identify_
         if (!parameter_is_written(made, i)) {
             continue;
         }
-        fprintf(out, "  %s: %.6g", parameters[i].key, value);
+        fprintf(out, "  %s: %.6g", parameter_of(i)->key, value);
         if (free >= 0) {
             const int partner = fit_partner(&result->fit, problem->nfree, (size_t)free);
 
@@ -69,7 +70,7 @@ static void write_keys(const struct fit_problem *problem, const struct identify_
                     word_of(fit_verdict_words, (int)result->fit.verdict[free]));
             if (partner >= 0) {
                 fprintf(out, "; correlation %.3f with %s", result->fit.correlation[free][partner],
-                        parameters[problem->free[partner].parameter].key);
+                        problem->free[partner].name);
             }
             fputc('\n', out);
         } else {
@@ -77,17 +78,18 @@ static void write_keys(const struct fit_problem *problem, const struct identify_
                     value != parameter_get(&problem->bench->trial, i) ? "F" : "as it was");
         }
     }
-    if (made->effects.freewheel) {
+    if (made->effects[j].freewheel) {
         fprintf(out, "  freewheel: true  # as it was\n");
     }
 }
 
-enum error_code identify_write_drive(const struct fit_problem *problem,
-                                     const struct identify_result *result, const char *path,
-                                     struct error *error)
+/* Writes the file of the drive of joint j. */
+static enum error_code write_drive_of(const struct fit_problem *problem,
+                                      const struct identify_result *result, int j, const char *path,
+                                      struct error *error)
 {
     const struct identify_bench *bench = problem->bench;
-    const struct robot_effects *effects = &bench->trial.effects;
+    const struct robot_effects *effects = &bench->trial.effects[j];
     const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
     const int length = (int)strcspn(name, ".");
     struct whole_file file;
@@ -108,6 +110,32 @@ enum error_code identify_write_drive(const struct fit_problem *problem,
             "name: %.*s\ndescription: \"%s, identified\"\nsource: \"identified from %s\"\n", length,
             name, bench->bench.name, bench->bench.source);
     fprintf(file.out, "supply_v: %.6g\n", bench->supply_v);
-    write_keys(problem, result, file.out);
+    write_keys(problem, result, j, file.out);
     return whole_file_close(&file, ERROR_NONE, error);
+}
+
+enum error_code identify_write_drive(const struct fit_problem *problem,
+                                     const struct identify_result *result, const char *path,
+                                     struct error *error)
+{
+    const struct trial_robot *trial = &problem->bench->trial;
+    const char *slash = strrchr(path, '/'), *dot = strrchr(path, '.');
+    const int stem = (int)(dot && dot > slash ? dot - path : (long)strlen(path));
+    enum error_code code = ERROR_NONE;
+    bool several = false;
+
+    for (size_t k = 0; k < trial->njoint; k++) {
+        several |= trial->drive[trial->at[k]] != trial->drive[trial->at[0]];
+    }
+    for (size_t k = 0; k < trial->njoint && !code; k++) {
+        const int j = trial->at[k];
+        char own[PATH_MAX];
+
+        if (trial->drive[j] == j) {
+            snprintf(own, sizeof own, "%.*s-%.100s%s", stem, path, trial->joint[j].name,
+                     path + stem);
+            code = write_drive_of(problem, result, j, several ? own : path, error);
+        }
+    }
+    return code;
 }

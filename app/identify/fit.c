@@ -21,6 +21,10 @@
 #define NEAREST 0.98
 #define TOLERANCE 1e-4
 
+/* Feedback of measured positions in the first round of a fit to several joints, in largest commands
+ * per rad. Without it, a joint that gravity turns over leads far guesses to local minima. */
+#define GUIDE 10.0
+
 /* A parameter with a larger |sin u| is at its bound. */
 #define AT_BOUND 0.9995
 
@@ -43,6 +47,7 @@ struct fit {
     size_t m;          /* number of residuals, priors included */
     enum signal judge; /* first measured signal; residuals have its unit */
     size_t nsignal;    /* number of measured signals */
+    double guide;      /* of all simulations */
     double level;      /* error of one independent measurement, which scales the priors */
     double weight[SIGNALS];
     double *work; /* residuals for nfree + 1 sets of variables, m each */
@@ -126,27 +131,33 @@ static double soften_error(double error, double robust)
     return error * sqrt(2.0 / (1.0 + sqrt(1.0 + z * z)));
 }
 
-/* Computes the residuals of one recording with one set of variables. */
+/* Computes the residuals of the recordings of one file with one set of variables. */
 static enum error_code residuals_of(struct fit *fit, size_t recording, const double *u, double *out,
                                     struct error *error)
 {
     const struct identify_bench *bench = fit->problem->bench;
     const struct recording *r = &bench->recording[recording];
-    struct simulated simulated = {.diverged = false};
+    const size_t njoint = bench->trial.njoint;
+    struct simulated simulated[TRIAL_JOINTS_MAX] = {{.diverged = false}};
     struct trial_robot trial;
     enum error_code code;
 
-    for (size_t s = 0; s < SIGNALS; s++) {
-        simulated.signal[s] = r->signal[s] ? out : NULL;
-        out += r->signal[s] ? r->count : 0;
+    for (size_t k = 0; k < njoint; k++) {
+        for (size_t s = 0; s < SIGNALS; s++) {
+            simulated[k].signal[s] = r[k].signal[s] ? out : NULL;
+            out += r[k].signal[s] ? r[k].count : 0;
+        }
     }
     set_variables(fit->problem, u, &trial);
-    code = simulate_recording(bench->rig, &trial, &bench->bench.law, r, &simulated, error);
-    for (size_t s = 0; s < SIGNALS && !code; s++) {
-        double *value = simulated.signal[s];
+    trial.guide = fit->guide;
+    code = simulate_recording(bench->rig, &trial, &bench->bench.law, r, simulated, error);
+    for (size_t k = 0; k < njoint * SIGNALS && !code; k++) {
+        const struct recording *of = &r[k / SIGNALS];
+        const size_t s = k % SIGNALS;
+        double *value = simulated[k / SIGNALS].signal[s];
 
-        for (size_t i = 0; i < r->count && value; i++) {
-            value[i] = fit->weight[s] * (value[i] - r->signal[s][i]);
+        for (size_t i = 0; i < of->count && value; i++) {
+            value[i] = fit->weight[s] * (value[i] - of->signal[s][i]);
             value[i] = s == SIGNAL_POSITION || s == SIGNAL_LOSS
                            ? soften_error(value[i], bench->bench.robust_rad)
                            : value[i];
@@ -189,7 +200,8 @@ static void *run_jobs(void *context)
         struct error error;
         enum error_code code;
 
-        if (!is_used(fit->problem, recording)) {
+        if (!is_used(fit->problem, recording) ||
+            fit->problem->bench->recording[recording].place > 0) {
             continue;
         }
         code = residuals_of(fit, recording, fit->u + set * fit->problem->nfree,
@@ -440,18 +452,21 @@ static void weigh_residuals(struct fit *fit, const double *residual, bool reweig
 }
 
 /* Runs the solver. With priors or several signals it runs twice, because they are weighted by the
- * errors of the first run. */
+ * errors of the first run. With several joints a guided round comes before. */
 static enum error_code run_solver(struct fit *fit, double *u, double *residual, double *jacobian,
                                   double *last, struct fit_result *result)
 {
     const int n = (int)fit->problem->nfree, m = (int)fit->m;
+    const int first = fit->problem->bench->trial.njoint > 1 ? -1 : 0;
     const int rounds = fit->m > fit->nrow || fit->nsignal > 1 ? 2 : 1;
     double diagonal[IDENTIFY_FREE_MAX], qtf[IDENTIFY_FREE_MAX], work[3][IDENTIFY_FREE_MAX];
     int pivot[IDENTIFY_FREE_MAX], evaluations, jacobians;
 
+    fit->guide = first < 0 ? GUIDE : 0.0;
     run_batch(fit, u, 1, residual);
     weigh_residuals(fit, residual, true, result);
-    for (int round = 0; round < rounds && !fit->code; round++) {
+    for (int round = first; round < rounds && !fit->code; round++) {
+        fit->guide = round < 0 ? GUIDE : 0.0;
         __cminpack_func__(lmder)(fit_evaluate, fit, m, n, u, residual, jacobian, m, TOLERANCE,
                                  TOLERANCE, 0.0, 3 * fit->problem->steps, diagonal, 1, 1.0, 0,
                                  &evaluations, &jacobians, pivot, qtf, work[0], work[1], work[2],
@@ -531,47 +546,63 @@ static void prepare_free(const struct identify_bench *bench, struct bench_free *
     free->upper = yaml_has(&free->mark, "upper") ? free->upper : upper;
 }
 
+/* Adds a free parameter, unless the problem has it. */
+static enum error_code add_free(struct fit_problem *problem, const struct bench_free *given,
+                                int parameter, struct error *error)
+{
+    const struct trial_robot *trial = &problem->bench->trial;
+    struct bench_free *one = &problem->free[problem->nfree];
+
+    for (size_t k = 0; k < problem->nfree; k++) {
+        if (problem->free[k].parameter == parameter &&
+            !strcmp(problem->free[k].group ? problem->free[k].group : "",
+                    given->group ? given->group : "")) {
+            return error_set(error, ERROR_INPUT, "found \"%.63s\" again, expected it once",
+                             given->key);
+        }
+    }
+    if (problem->nfree == IDENTIFY_FREE_MAX) {
+        return error_set(error, ERROR_INPUT, "found \"%.63s\" behind %d numbers, expected no more",
+                         given->key, IDENTIFY_FREE_MAX);
+    }
+    *one = *given;
+    one->parameter = parameter;
+    snprintf(one->name, sizeof one->name, "%.40s%s%s",
+             trial->njoint > 1 ? trial->joint[parameter / parameter_count].name : "",
+             trial->njoint > 1 ? "." : "", parameter_of(parameter)->key);
+    prepare_free(problem->bench, one);
+    problem->nfree++;
+    return one->lower < one->upper
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT,
+                           "found no room for \"%.63s\" between %g and %g, expected bounds for it "
+                           "in the bench's file",
+                           one->name, one->lower, one->upper);
+}
+
 enum error_code fit_prepare(struct fit_problem *problem, const char *const *key, size_t nkey,
                             struct error *error)
 {
     const struct bench *bench = &problem->bench->bench;
+    enum error_code code = ERROR_NONE;
 
     problem->nfree = 0;
-    for (size_t i = 0; i < (nkey ? nkey : bench->nfree); i++) {
+    for (size_t i = 0; i < (nkey ? nkey : bench->nfree) && !code; i++) {
         struct bench_free one = nkey ? (struct bench_free){.key = key[i]} : bench->free[i];
+        int parameter[TRIAL_JOINTS_MAX];
+        size_t count;
 
-        if (parameter_check(one.key, &one.parameter, error)) {
-            return ERROR_INPUT;
-        }
-        for (size_t k = 0; k < problem->nfree; k++) {
-            if (problem->free[k].parameter == one.parameter &&
-                !strcmp(problem->free[k].group ? problem->free[k].group : "",
-                        one.group ? one.group : "")) {
-                return error_set(error, ERROR_INPUT, "found \"%.63s\" again, expected it once",
-                                 one.key);
-            }
-        }
-        if (problem->nfree == IDENTIFY_FREE_MAX) {
-            return error_set(error, ERROR_INPUT,
-                             "found \"%.63s\" behind %d numbers, expected no more", one.key,
-                             IDENTIFY_FREE_MAX);
-        }
-        for (size_t k = 0; k < bench->nfree && nkey; k++) {
-            if (bench->free[k].parameter == one.parameter && !bench->free[k].group) {
+        code = parameter_resolve(&problem->bench->trial, one.key, parameter, &count, error);
+        for (size_t k = 0; k < bench->nfree && nkey && !code; k++) {
+            if (!strcmp(bench->free[k].key, one.key) && !bench->free[k].group) {
                 one = bench->free[k];
             }
         }
-        prepare_free(problem->bench, &one);
-        problem->free[problem->nfree++] = one;
-        if (!(one.lower < one.upper)) {
-            return error_set(error, ERROR_INPUT,
-                             "found no room for \"%.63s\" between %g and %g, expected bounds for "
-                             "it in the bench's file",
-                             one.key, one.lower, one.upper);
+        for (size_t k = 0; k < count && !code; k++) {
+            code = add_free(problem, &one, parameter[k], error);
         }
     }
-    if (problem->nfree == 0) {
-        return error_set(error, ERROR_INPUT, "found no free numbers, expected --free KEY,...");
-    }
-    return ERROR_NONE;
+    return code || problem->nfree > 0
+               ? code
+               : error_set(error, ERROR_INPUT, "found no free numbers, expected --free KEY,...");
 }

@@ -3,6 +3,8 @@
 
 #include "app/identify/identify.h"
 
+#include "base/text.h"
+
 #include <limits.h>
 #include <math.h>
 #include <stdio.h>
@@ -19,21 +21,111 @@ static const double RANGES_MAX = 1.5;
  * and measured currents can raise the mean error a little. */
 static const double WORSE = 1.05;
 
-/* Copies the effects of the drive, and replaces its numbers by the numbers of a bench. */
-static void set_numbers(struct identify_bench *bench)
+/* Sets a number of a bench in the trial, for all recordings or for a group. */
+static enum error_code set_number(struct identify_bench *bench, const struct yaml_mark *mark,
+                                  const char *name, const char *group, double value,
+                                  struct error *error)
 {
-    if (bench->trial.joint.sea.effects) {
-        bench->trial.effects = *bench->trial.joint.sea.effects;
-    }
-    for (size_t i = 0; i < bench->bench.nnumber; i++) {
-        const int parameter = parameter_find(bench->bench.number[i].name);
+    int parameter[TRIAL_JOINTS_MAX];
+    size_t count;
 
-        parameter_set(&bench->trial, &parameter, &bench->bench.number[i].value, 1);
+    if (parameter_resolve(&bench->trial, name, parameter, &count, error)) {
+        return error_prefix(error, "%s:%d:%d", mark->file, mark->line, mark->column);
     }
-    for (size_t i = 0; i < bench->bench.ngroup_number; i++) {
-        parameter_set_group(&bench->trial, &bench->bench.group_number[i]);
+    for (size_t i = 0; i < count; i++) {
+        if (group) {
+            parameter_set_group(
+                &bench->trial,
+                &(struct group_number){.group = group, .parameter = parameter[i], .value = value});
+        } else {
+            parameter_set(&bench->trial, &parameter[i], &value, 1);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Replaces the numbers of the drives by the numbers of a bench. */
+static enum error_code set_numbers(struct identify_bench *bench, struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    for (size_t i = 0; i < bench->bench.nnumber && !code; i++) {
+        const struct yaml_real_entry *number = &bench->bench.number[i];
+
+        code = set_number(bench, &number->mark, number->name, NULL, number->value, error);
+    }
+    for (size_t i = 0; i < bench->bench.ngroup_number && !code; i++) {
+        const struct group_number *number = &bench->bench.group_number[i];
+
+        code = set_number(bench, &number->mark, number->key, number->group, number->value, error);
     }
     bench->trial.mount = bench->bench.mount;
+    return code;
+}
+
+/* Finds the joint that leads joint j's drive: with the same name of a drive in the bench, or with
+ * the same numbers. */
+static int find_drive(const struct identify_bench *bench, size_t k)
+{
+    const struct trial_robot *trial = &bench->trial;
+    const struct bench_joint *joint = bench->bench.joint;
+    const bool named = bench->bench.njoint > 0 && joint[k].drive;
+
+    for (size_t i = 0; i < k; i++) {
+        bool same = !(bench->bench.njoint > 0 && joint[i].drive) && !named;
+
+        for (int p = 0; p < parameter_find("offset_rad") && same; p++) {
+            same = parameter_get(trial, trial->at[i] * parameter_count + p) ==
+                   parameter_get(trial, trial->at[k] * parameter_count + p);
+        }
+        if (same || (named && joint[i].drive && !strcmp(joint[i].drive, joint[k].drive))) {
+            return trial->drive[trial->at[i]];
+        }
+    }
+    return trial->at[k];
+}
+
+/* Copies the robot's joints, and finds those to identify and their drives. */
+static enum error_code take_joints(struct identify_bench *bench, struct error *error)
+{
+    struct trial_robot *trial = &bench->trial;
+    const struct robot *robot = &trial->robot;
+
+    memcpy(trial->body, robot->body, robot->nbody * sizeof *robot->body);
+    for (size_t j = 0; j < robot->njoint; j++) {
+        trial->joint[j] = robot->joint[j];
+        trial->bench[j].command_gain = 1.0;
+        if (robot->joint[j].sea.effects) {
+            trial->effects[j] = *robot->joint[j].sea.effects;
+        }
+        if (bench->bench.njoint == 0 && robot->joint[j].sea.present) {
+            trial->at[trial->njoint++] = (int)j;
+        }
+    }
+    for (size_t k = 0; k < bench->bench.njoint; k++) {
+        const struct bench_joint *one = &bench->bench.joint[k];
+        const int j = TEXT_FIND(robot->joint, robot->njoint, name, one->joint);
+        bool again = false;
+
+        for (size_t i = 0; i < k && j >= 0; i++) {
+            again |= trial->at[i] == j;
+        }
+        if (j < 0 || again || !robot->joint[j].sea.present) {
+            return error_set(error, ERROR_INPUT,
+                             "%s: found %s joint \"%.63s\", expected each joint with an electric "
+                             "drive once, as \"%.63s\"",
+                             robot->file,
+                             j < 0   ? "no"
+                             : again ? "again"
+                                     : "no drive at",
+                             one->joint, robot->joint[0].name);
+        }
+        trial->at[trial->njoint++] = j;
+    }
+    for (size_t k = 0; k < trial->njoint; k++) {
+        trial->drive[trial->at[k]] = find_drive(bench, k);
+    }
+    return ERROR_NONE;
 }
 
 /* Loads a catalogue drive for a bench of points. */
@@ -49,46 +141,70 @@ static enum error_code load_bench_drive(const char *path, struct arena *arena,
     }
     if (!code) {
         bench->supply_v = drive->supply_v;
-        bench->trial = (struct trial_robot){.joint = {.name = "the drive", .sea = drive->sea}};
-        set_numbers(bench);
+        bench->trial =
+            (struct trial_robot){.joint = {{.name = "the drive", .sea = drive->sea}}, .njoint = 1};
+        if (drive->sea.effects) {
+            bench->trial.effects[0] = *drive->sea.effects;
+        }
+        code = set_numbers(bench, error);
     }
     return code;
 }
 
-/* Loads the rig and copies its robot. Refuses a robot that does not have exactly one joint, with an
- * electric drive. */
+/* Loads the rig and copies its robot. Refuses a robot without electric drives, on a floating base,
+ * or on an output that is for a single joint. */
 static enum error_code load_bench_rig(const char *path, struct arena *arena,
                                       struct identify_bench *bench, struct error *error)
 {
+    const struct bench_mount *mount = &bench->bench.mount;
     enum error_code code = rig_load(path, arena, &bench->rig, error);
     const struct robot *robot;
+    size_t drives = 0;
 
     if (code) {
         return code;
     }
     robot = bench->rig->robot;
-    if (robot->njoint != 1 || robot->nbody != 2 || robot->floating ||
-        !robot->joint[0].sea.present) {
+    for (size_t j = 0; j < robot->njoint; j++) {
+        drives += robot->joint[j].sea.present;
+    }
+    if (robot->njoint > TRIAL_JOINTS_MAX || drives == 0 || robot->floating ||
+        bench->rig->nfree > 0) {
         return error_set(error, ERROR_INPUT,
-                         "%s: found a robot of %zu joints%s, expected one joint with an electric "
-                         "drive on a fixed base",
-                         robot->file, robot->njoint, robot->floating ? " on a floating base" : "");
+                         "%s: found a robot of %zu joints with %zu electric drives%s%s, expected 1 "
+                         "to %d joints with drives on a fixed base",
+                         robot->file, robot->njoint, drives,
+                         robot->floating ? " on a floating base" : "",
+                         bench->rig->nfree > 0 ? " and free bodies" : "", TRIAL_JOINTS_MAX);
     }
-    if (bench->rig->nfree > 0) {
-        return error_set(error, ERROR_INPUT, "%s: found free bodies, expected a joint alone", path);
+    if (robot->njoint > 1 && mount->output != OUTPUT_FREE) {
+        return yaml_error(error, yaml_place(&bench->bench.mark, "output"),
+                          "found an output of a robot with %zu joints, expected \"free\" or one "
+                          "joint",
+                          robot->njoint);
     }
-    bench->trial = (struct trial_robot){
-        .robot = *robot, .joint = robot->joint[0], .bench = {.command_gain = 1.0}};
-    memcpy(bench->trial.body, robot->body, sizeof bench->trial.body);
+    bench->trial = (struct trial_robot){.robot = *robot};
     bench->supply_v = bench->rig->supply_v;
-    set_numbers(bench);
-    return ERROR_NONE;
+    code = take_joints(bench, error);
+    for (size_t i = 0; i < COLUMNS && !code && bench->trial.njoint > 1; i++) {
+        const char *title = bench->bench.columns.title[i];
+
+        if (title && (i < SIGNALS || (i >= COLUMN_GOAL && i < COLUMN_ENABLED)) &&
+            !strchr(title, '*')) {
+            code = yaml_error(error, &bench->bench.columns.mark,
+                              "found column \"%.80s\" for %zu joints, expected \"*\" in its title "
+                              "for the name of the joint",
+                              title, bench->trial.njoint);
+        }
+    }
+    return code ? code : set_numbers(bench, error);
 }
 
 /* Refuses angles that span much more than the joint's range, for example degrees. */
-static enum error_code check_angles(const struct robot_joint *joint,
+static enum error_code check_angles(const struct trial_robot *trial,
                                     const struct recording *recording, struct error *error)
 {
+    const struct robot_joint *joint = &trial->joint[trial->at[recording->place]];
     const double *position = recording->signal[SIGNAL_POSITION];
     double least = position ? position[0] : 0.0, greatest = least;
 
@@ -122,20 +238,35 @@ static enum error_code find_recording(const struct identify_bench *bench,
     return *path ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory for a path");
 }
 
+/* Refuses more recordings than a result can hold, one per file and joint. */
+static enum error_code check_count(const struct identify_bench *bench, size_t files,
+                                   struct error *error)
+{
+    const size_t most = IDENTIFY_RECORDINGS_MAX / bench->trial.njoint;
+
+    return files <= most
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT,
+                           "%s: found %zu recordings of %zu joints, expected %zu or fewer",
+                           bench->bench.name, files, bench->trial.njoint, most);
+}
+
 /* Reads all recordings of a bench. */
 static enum error_code read_recordings(struct identify_bench *bench, struct arena *arena,
                                        struct error *error)
 {
     enum error_code code = ERROR_NONE;
 
-    bench->nrecording = bench->bench.nrecording;
+    const size_t njoint = bench->trial.njoint;
+
+    bench->nrecording = bench->bench.nrecording * njoint;
     bench->recording = arena_alloc(arena, bench->nrecording + 1, sizeof *bench->recording);
     if (!bench->recording) {
         return error_set(error, ERROR_MEMORY, "no memory for recordings");
     }
-    for (size_t i = 0; i < bench->nrecording && !code; i++) {
+    for (size_t i = 0; i < bench->bench.nrecording && !code; i++) {
         const struct bench_recording *one = &bench->bench.recording[i];
-        struct recording *recording = &bench->recording[i];
+        struct recording *recording = &bench->recording[i * njoint];
         const char *path;
 
         code = find_recording(bench, one, arena, &path, error);
@@ -145,11 +276,13 @@ static enum error_code read_recordings(struct identify_bench *bench, struct aren
             return ERROR_NONE;
         }
         code = code ? code : recording_read(bench, path, one->crc32, arena, recording, error);
-        code = code ? code : check_angles(&bench->trial.joint, recording, error);
-        recording->group = one->group;
-        recording->judge = one->judge;
-        if (!code) {
-            recording_take_zero(recording, (enum bench_zero)one->zero);
+        for (size_t k = 0; k < njoint && !code; k++) {
+            code = check_angles(&bench->trial, &recording[k], error);
+            recording[k].group = one->group;
+            recording[k].judge = one->judge;
+            if (!code) {
+                recording_take_zero(&recording[k], (enum bench_zero)one->zero);
+            }
         }
     }
     return code;
@@ -166,36 +299,27 @@ enum error_code identify_open(const char *path, struct arena *arena, struct iden
     if (code) {
         return code;
     }
-    if (bench->bench.nrecording > IDENTIFY_RECORDINGS_MAX) {
-        return yaml_error(error, &bench->bench.mark, "found %zu recordings, expected %d or fewer",
-                          bench->bench.nrecording, IDENTIFY_RECORDINGS_MAX);
-    }
     code = yaml_resolve_path(yaml_place(&bench->bench.mark, drive ? "drive" : "rig"),
                              drive ? bench->bench.drive : bench->bench.rig, arena, &plant, error);
     code = code ? code : (drive ? load_bench_drive : load_bench_rig)(plant, arena, bench, error);
+    code = code ? code : check_count(bench, bench->bench.nrecording, error);
     return code ? code : read_recordings(bench, arena, error);
 }
 
 enum error_code identify_open_own(const char *rig, const char *joint, struct arena *arena,
                                   struct identify_bench *bench, struct error *error)
 {
-    enum error_code code;
+    enum error_code code = bench_of_own(joint, arena, &bench->bench, error);
 
-    bench->bench = (struct bench){.name = "own"};
-    code = load_bench_rig(rig, arena, bench, error);
-    if (!code && joint && strcmp(joint, bench->trial.joint.name) != 0) {
-        code =
-            error_set(error, ERROR_INPUT, "--joint: found \"%.63s\", but the joint of %s is \"%s\"",
-                      joint, rig, bench->trial.joint.name);
-    }
-    return code ? code : bench_of_own(bench->trial.joint.name, arena, &bench->bench, error);
+    return code ? code : load_bench_rig(rig, arena, bench, error);
 }
 
 enum error_code identify_take_files(struct identify_bench *bench, const char *const *file,
                                     size_t count, struct arena *arena, struct error *error)
 {
-    struct recording *all = arena_alloc(arena, count, sizeof *all);
-    enum error_code code = ERROR_NONE;
+    const size_t njoint = bench->trial.njoint;
+    struct recording *all = arena_alloc(arena, count * njoint, sizeof *all);
+    enum error_code code = check_count(bench, count, error);
 
     if (!all) {
         return error_set(error, ERROR_MEMORY, "no memory for recordings");
@@ -205,18 +329,22 @@ enum error_code identify_take_files(struct identify_bench *bench, const char *co
                           "found a bench of points, expected one of recordings");
     }
     for (size_t i = 0; i < count && !code; i++) {
-        code = recording_read(bench, file[i], NULL, arena, &all[i], error);
-        code = code ? code : check_angles(&bench->trial.joint, &all[i], error);
-        if (!code && !all[i].is_log && all[i].voltage_before &&
-            all[i].time[1] - all[i].time[0] > 1.5e-9 * (double)bench->rig->tick_ns) {
+        struct recording *one = &all[i * njoint];
+
+        code = recording_read(bench, file[i], NULL, arena, one, error);
+        for (size_t k = 0; k < njoint && !code; k++) {
+            code = check_angles(&bench->trial, &one[k], error);
+        }
+        if (!code && !one->is_log && one->voltage_before &&
+            one->time[1] - one->time[0] > 1.5e-9 * (double)bench->rig->tick_ns) {
             code = error_set(error, ERROR_INPUT,
                              "%s: found rows every %g s, expected one a tick, whose voltages are "
                              "known (run --record-period 1)",
-                             file[i], all[i].time[1] - all[i].time[0]);
+                             file[i], one->time[1] - one->time[0]);
         }
     }
     bench->recording = all;
-    bench->nrecording = count;
+    bench->nrecording = count * njoint;
     return code;
 }
 
@@ -237,7 +365,8 @@ double identify_mean(const double *error, size_t count)
 static bool leaves_range(const struct trial_robot *trial, const struct recording *r,
                          const double *position)
 {
-    const struct robot_joint *joint = &trial->joint;
+    const int j = trial->at[r->place];
+    const struct robot_joint *joint = &trial->joint[j];
     const double *measured = r->signal[SIGNAL_POSITION];
     double most[2] = {0.0, 0.0};
 
@@ -245,7 +374,7 @@ static bool leaves_range(const struct trial_robot *trial, const struct recording
         const double both[2] = {position[i], measured[i]};
 
         for (int k = 0; k < 2; k++) {
-            const double q = both[k] + trial->bench.offset_rad;
+            const double q = both[k] + trial->bench[j].offset_rad;
 
             most[k] = fmax(most[k], fmax(q - joint->upper, joint->lower - q));
         }
@@ -263,34 +392,39 @@ static enum error_code judge_all(const struct identify_bench *bench,
 {
     enum error_code code = ERROR_NONE;
 
-    for (size_t i = 0; i < bench->nrecording && !code; i++) {
-        const struct recording *r = &bench->recording[i];
-        const enum signal first = recording_first(r);
-        struct simulated simulated = {.diverged = false};
+    struct simulated all[IDENTIFY_RECORDINGS_MAX] = {{.diverged = false}};
 
+    for (size_t i = 0; i < bench->nrecording; i++) {
         for (size_t s = 0; s < SIGNALS; s++) {
+            const struct recording *r = &bench->recording[i];
+
             if (r->signal[s] &&
-                !(simulated.signal[s] = arena_alloc(arena, r->count, sizeof(double)))) {
+                !(all[i].signal[s] = arena_alloc(arena, r->count, sizeof(double)))) {
                 return error_set(error, ERROR_MEMORY, "no memory for simulated recordings");
             }
         }
-        code = simulate_recording(bench->rig, trial, &bench->bench.law, r, &simulated, error);
-        if (!code) {
-            const struct simulation_error off =
-                simulation_compare(r->signal[first], simulated.signal[first], r->count);
+    }
+    for (size_t i = 0; i < bench->nrecording && !code; i += bench->trial.njoint) {
+        code = simulate_recording(bench->rig, trial, &bench->bench.law, &bench->recording[i],
+                                  &all[i], error);
+    }
+    for (size_t i = 0; i < bench->nrecording && !code; i++) {
+        const struct recording *r = &bench->recording[i];
+        const enum signal first = recording_first(r);
+        const struct simulation_error off =
+            simulation_compare(r->signal[first], all[i].signal[first], r->count);
 
-            found[i] = first == SIGNAL_LOSS ? point_loss_error(r, simulated.signal[first])
-                       : share              ? off.share
-                                            : off.mean;
-        }
-        if (!code && failure && !r->judge &&
-            (simulated.diverged || leaves_range(trial, r, simulated.signal[SIGNAL_POSITION]))) {
+        found[i] = first == SIGNAL_LOSS ? point_loss_error(r, all[i].signal[first])
+                   : share              ? off.share
+                                        : off.mean;
+        if (failure && !r->judge &&
+            (all[i].diverged || leaves_range(trial, r, all[i].signal[SIGNAL_POSITION]))) {
             snprintf(failure, 256, "%.160s: found a fit whose simulation %s", r->file,
-                     simulated.diverged ? "diverges" : "leaves the joint's range");
+                     all[i].diverged ? "diverges" : "leaves the joint's range");
         }
-        if (kept) {
-            kept[i] = simulated;
-        }
+    }
+    if (kept) {
+        memcpy(kept, all, sizeof all);
     }
     return code;
 }
@@ -388,9 +522,9 @@ enum error_code identify_run(struct fit_problem *problem, bool crossed, struct a
 
 struct robot_sea trial_drive(const struct trial_robot *trial)
 {
-    struct robot_sea sea = trial->joint.sea;
+    struct robot_sea sea = trial->joint[0].sea;
 
-    sea.effects = &trial->effects;
+    sea.effects = &trial->effects[0];
     return sea;
 }
 

@@ -26,20 +26,25 @@
  * drive file; others describe the test bench. SI units, link side.
  */
 
-enum { IDENTIFY_FREE_MAX = 24 };
+enum { IDENTIFY_FREE_MAX = 48 };
+
+/* Largest number of joints of a robot whose drives are identified. */
+enum { TRIAL_JOINTS_MAX = 16 };
 
 /* Largest number of parameters of a bench file with a value for a group of recordings. */
 enum { GROUP_NUMBERS_MAX = 16 };
 
-/* A parameter is given by its index, or IDENTIFY_NONE. */
+/* A parameter is given by its index plus parameter_count times the index of its joint, or by
+ * IDENTIFY_NONE. The joint of a drive's parameter is the first one of that drive. Its name is its
+ * key, or "JOINT.KEY". */
 enum { IDENTIFY_NONE = -1 };
 
-/* Returns the index of the parameter with this key, or IDENTIFY_NONE. */
-int parameter_find(const char *key);
+/* Returns the index of the parameter with this name, of joint 0, or IDENTIFY_NONE. */
+int parameter_find(const char *name);
 
-/* Finds the parameter with this key. An unknown key is ERROR_INPUT; the error suggests the nearest
- * key. */
-enum error_code parameter_check(const char *key, int *parameter, struct error *error);
+/* Finds the index of the parameter with this name. An unknown key is ERROR_INPUT; the error
+ * suggests the nearest key. */
+enum error_code parameter_check(const char *name, int *parameter, struct error *error);
 
 /* The quantity that gives the upper bound of a parameter. */
 enum scale {
@@ -60,6 +65,9 @@ extern const struct parameter {
     enum scale scale;
 } parameters[];
 extern const int parameter_count;
+
+/* Returns the row of a parameter of any joint. */
+const struct parameter *parameter_of(int parameter);
 
 /* Numbers of the test bench that the robot file does not contain. */
 struct bench_numbers {
@@ -89,17 +97,29 @@ struct bench_mount {
     double inertia_kg_m2, lock_nm_rad; /* lock_nm_rad 0 = rigid */
 };
 
-/* A copy of a robot with one driven joint, whose parameters can be changed. */
+/* A copy of a robot whose drives can be changed. joint, effects and bench are of each joint of the
+ * robot; at lists the njoint joints that are identified. */
 struct trial_robot {
     struct robot robot;
-    struct robot_body body[2];
-    struct robot_joint joint;
-    struct robot_effects effects;
-    struct bench_numbers bench;
+    struct robot_body body[TRIAL_JOINTS_MAX + 1];
+    struct robot_joint joint[TRIAL_JOINTS_MAX];
+    struct robot_effects effects[TRIAL_JOINTS_MAX];
+    struct bench_numbers bench[TRIAL_JOINTS_MAX];
+    size_t njoint;
+    int at[TRIAL_JOINTS_MAX];
+    int drive[TRIAL_JOINTS_MAX]; /* by joint of the robot: the first joint with its drive */
     struct bench_mount mount;
+    /* feedback of measured positions to the commands, in largest commands per rad; 0 = none */
+    double guide;
     struct group_number group[GROUP_NUMBERS_MAX + IDENTIFY_FREE_MAX];
     size_t ngroup;
 };
+
+/* Finds the parameters of a name: of the joint that it names, else one of each drive, or of each
+ * joint for a parameter of the bench. ERROR_INPUT for an unknown key or joint. */
+enum error_code parameter_resolve(const struct trial_robot *trial, const char *name,
+                                  int parameter[TRIAL_JOINTS_MAX], size_t *count,
+                                  struct error *error);
 
 /* parameter_get returns a parameter. parameter_set sets a list of parameters, and then the
  * parameters that depend on them, unless the list contains these too. NKw_v_s_rad is proportional
@@ -166,10 +186,11 @@ enum {
 
 struct bench_columns {
     struct yaml_mark mark;
-    const char *title[COLUMNS]; /* NULL = no such column */
-    const char *gain_word;      /* the number after this word in the file's comments is the gain */
-    bool voltage_before;        /* a row's voltage was on before its time, as in "run --record" */
-    bool current_is_optional;   /* a recording may lack the column of the current */
+    /* NULL = no such column; "*" stands for the name of the joint */
+    const char *title[COLUMNS];
+    const char *gain_word;    /* the number after this word in the file's comments is the gain */
+    bool voltage_before;      /* a row's voltage was on before its time, as in "run --record" */
+    bool current_is_optional; /* a recording may lack the column of the current */
 };
 
 /* Standard deviations of the signals' noise; 0 = estimated by the fit. */
@@ -215,6 +236,7 @@ struct bench_point {
 struct bench_free {
     struct yaml_mark mark;
     const char *key, *group; /* group: of recordings; NULL = all */
+    char name[80];           /* the key, or in a bench of several joints "JOINT.KEY" */
     double start, lower, upper;
     double expected, sigma; /* prior; sigma 0 = none */
     int parameter;
@@ -242,6 +264,13 @@ struct bench_published {
     double error[2];
 };
 
+/* A joint of a bench. Joints with the same name of a drive share its numbers; without a name, those
+ * whose drives are equal in the robot's file. */
+struct bench_joint {
+    struct yaml_mark mark;
+    const char *joint, *drive; /* drive may be NULL */
+};
+
 struct bench {
     struct yaml_mark mark;
     const char *name, *description, *source, *license, *supports;
@@ -258,16 +287,20 @@ struct bench {
     struct bench_recording *recording;
     struct bench_point *point; /* a bench has either recordings or points */
     struct bench_published *published;
-    size_t nfree, nrecording, npoint, npublished;
+    struct bench_joint *joint; /* to identify; none = all driven joints of the rig */
+    size_t nfree, nrecording, npoint, npublished, njoint;
     struct yaml_real_entry *number; /* parameters of drive and bench, which replace the rig's */
     struct group_number *group_number;
     size_t nnumber, ngroup_number;
 };
 
-/* A recording in memory. With SIGNAL_LOSS the rows are steady states: goal contains loads, N m,
- * below 0 if they drive the motor; voltage speeds, rad/s; time the measured losses, W. */
+/* A recording in memory, of one joint. The recordings of the joints of one file follow each other
+ * in the order of the bench's joints, and are simulated together. With SIGNAL_LOSS the rows are
+ * steady states: goal contains loads, N m, below 0 if they drive the motor; voltage speeds, rad/s;
+ * time the measured losses, W. */
 struct recording {
     const char *file, *name, *group; /* name: of the file, without its folder */
+    size_t place;                    /* of its joint among the joints of the bench */
     bool judge, is_log;
     char sum[9];     /* CRC-32 of the file, hexadecimal */
     bool is_checked; /* the bench file gives this sum */
@@ -275,6 +308,7 @@ struct recording {
     double *time, *goal, *voltage;
     double *signal[SIGNALS]; /* NULL = not measured */
     bool *enabled;
+    int64_t begin_ns;    /* of a log: the time of its first row */
     double gain, supply; /* supply 0 = as in the rig */
     bool voltage_before;
     enum command_kind command; /* what the array voltage contains */
@@ -284,14 +318,16 @@ struct recording {
 enum error_code bench_read(const char *path, struct arena *arena, struct bench *bench,
                            struct error *error);
 
-/* Makes a bench for recordings of a joint by "coman-hil run --record". */
+/* Makes a bench for recordings of "coman-hil run --record". joint: the only one to identify; NULL =
+ * all. */
 enum error_code bench_of_own(const char *joint, struct arena *arena, struct bench *bench,
                              struct error *error);
 
 struct identify_bench;
 
-/* Reads a recording: a candump log, or CSV, whose first lines may be comments that begin with #.
- * Compares the CRC-32 of the file with `expected`, unless this is NULL. */
+/* Reads the recordings of all joints from a file: a candump log, or CSV, whose first lines may be
+ * comments that begin with #. Compares the CRC-32 of the file with `expected`, unless this is
+ * NULL. */
 enum error_code recording_read(const struct identify_bench *bench, const char *path,
                                const char *expected, struct arena *arena,
                                struct recording *recording, struct error *error);
@@ -404,8 +440,9 @@ struct simulated {
     bool diverged;
 };
 
-/* Simulates a recording from rest at its first position, with the parameters of a trial. The caller
- * provides the arrays of out. */
+/* Simulates a recording, and the recordings of the other joints of its file, which follow it, from
+ * rest at their first positions, with the parameters of a trial. The caller provides the arrays of
+ * out, one element per joint. */
 enum error_code simulate_recording(const struct rig *rig, const struct trial_robot *trial,
                                    const struct bench_law *law, const struct recording *recording,
                                    struct simulated *out, struct error *error);
@@ -486,7 +523,8 @@ enum error_code identify_run(struct fit_problem *problem, bool crossed, struct a
 double identify_mean(const double *error, size_t count);
 
 /* Writes the drive file. A comment after each identified number gives its source and its
- * uncertainty. */
+ * uncertainty. With several drives, writes one file per drive: "a-JOINT.yaml" for the path
+ * "a.yaml", with the name of the first joint of the drive. */
 enum error_code identify_write_drive(const struct fit_problem *problem,
                                      const struct identify_result *result, const char *path,
                                      struct error *error);
@@ -515,7 +553,7 @@ const char *validation_verdict(const struct validation *validation);
 /* Returns the unit of the errors of a bench: "%", or the unit of the first signal. */
 const char *validation_unit(const struct validation *validation);
 
-/* Returns the drive of a trial. Its effects point into the trial. */
+/* Returns the drive of the first joint of a trial. Its effects point into the trial. */
 struct robot_sea trial_drive(const struct trial_robot *trial);
 
 /* Simulates the recordings of a bench, or computes its points, with its own drive. */

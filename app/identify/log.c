@@ -247,6 +247,7 @@ static enum error_code read_frames(const struct log_source *source, const char *
         }
         command_pass(&command, frame.time_ns);
         begin = *count == 0 ? frame.time_ns : begin;
+        r->begin_ns = begin;
         if (*count < room) {
             yields = 0.0;
             read_signal(source, &source->deflection, bus, &frame, &yields);

@@ -196,19 +196,19 @@ static void add_numbers(struct report *report, const struct fit_problem *problem
         if (free->sigma > 0.0) {
             snprintf(prior, sizeof prior, "%.4g +- %.2g", free->expected, free->sigma);
         }
-        report_row(report, "%s|%s|%.4g|%.5g|%.2g|%.1f|%.3g to %.3g|%s|%s",
-                   parameters[free->parameter].key, parameters[free->parameter].meaning,
-                   free->start, fit->value[i], fit->sigma[i],
-                   100.0 * fit->sigma[i] / fmax(fabs(fit->value[i]), 1e-300), free->lower,
-                   free->upper, prior, word_of(fit_verdict_words, (int)fit->verdict[i]));
+        report_row(report, "%s|%s|%.4g|%.5g|%.2g|%.1f|%.3g to %.3g|%s|%s", free->name,
+                   parameter_of(free->parameter)->meaning, free->start, fit->value[i],
+                   fit->sigma[i], 100.0 * fit->sigma[i] / fmax(fabs(fit->value[i]), 1e-300),
+                   free->lower, free->upper, prior,
+                   word_of(fit_verdict_words, (int)fit->verdict[i]));
     }
     report_table(report, "correlated", "Numbers that the recordings hardly tell apart",
                  "one|other|correlation");
     for (size_t i = 0; i < problem->nfree; i++) {
         for (size_t k = 0; k < i; k++) {
             if (fabs(fit->correlation[i][k]) > CORRELATED) {
-                report_row(report, "%s|%s|%.3f", parameters[problem->free[k].parameter].key,
-                           parameters[problem->free[i].parameter].key, fit->correlation[i][k]);
+                report_row(report, "%s|%s|%.3f", problem->free[k].name, problem->free[i].name,
+                           fit->correlation[i][k]);
             }
         }
     }

@@ -10,8 +10,8 @@
 #include <string.h>
 
 #define AT(member) offsetof(struct trial_robot, member)
-#define DRIVE(member) AT(joint.sea.member)
-#define EFFECT(member) AT(effects.member)
+#define DRIVE(member) AT(joint[0].sea.member)
+#define EFFECT(member) AT(effects[0].member)
 const struct parameter parameters[] = {
     {"J_kg_m2", "inertia of the rotor behind the gear", DRIVE(J), BY_OTHER},
     {"Dm_nm_s_rad", "viscous friction", DRIVE(Dm), BY_DAMPING},
@@ -58,54 +58,131 @@ const struct parameter parameters[] = {
     {"ambient_c", "temperature of the air", EFFECT(thermal.ambient_c), BY_OTHER},
     {"R_per_k", "how resistance follows temperature", EFFECT(thermal.R_per_k), BY_OTHER},
     {"NKt_per_k", "how the torque constant does", EFFECT(thermal.Kt_per_k), BY_OTHER},
-    {"offset_rad", "the joint's angle where the recording says 0", AT(bench.offset_rad), BY_ANGLE},
-    {"delay_s", "delay of the command", AT(bench.delay_s), BY_TIME},
-    {"arm_kg", "a rod's mass between axis and load", AT(bench.arm_kg), BY_MASS},
-    {"command_gain", "true command divided by recorded one", AT(bench.command_gain), BY_GAIN},
+    {"offset_rad", "the joint's angle where the recording says 0", AT(bench[0].offset_rad),
+     BY_ANGLE},
+    {"delay_s", "delay of the command", AT(bench[0].delay_s), BY_TIME},
+    {"arm_kg", "a rod's mass between axis and load", AT(bench[0].arm_kg), BY_MASS},
+    {"command_gain", "true command divided by recorded one", AT(bench[0].command_gain), BY_GAIN},
 };
 
-int parameter_find(const char *key)
+const int parameter_count = (int)ARRAY_COUNT(parameters);
+
+/* Returns the part of a name behind the name of its joint. */
+static const char *key_of(const char *name)
 {
-    return TEXT_FIND(parameters, ARRAY_COUNT(parameters), key, key);
+    const char *dot = strrchr(name, '.');
+
+    return dot ? dot + 1 : name;
 }
 
-enum error_code parameter_check(const char *key, int *parameter, struct error *error)
+/* Returns whether a parameter is of the bench. Each joint has its own, also with a shared drive. */
+static bool is_of_bench(int index)
+{
+    return parameters[index].offset >= AT(bench);
+}
+
+int parameter_find(const char *name)
+{
+    return TEXT_FIND(parameters, ARRAY_COUNT(parameters), key, key_of(name));
+}
+
+const struct parameter *parameter_of(int parameter)
+{
+    return &parameters[parameter % parameter_count];
+}
+
+enum error_code parameter_check(const char *name, int *parameter, struct error *error)
 {
     const char *near =
-        text_nearest_first(key, parameters, sizeof *parameters, ARRAY_COUNT(parameters));
+        text_nearest_first(key_of(name), parameters, sizeof *parameters, ARRAY_COUNT(parameters));
 
-    *parameter = parameter_find(key);
+    *parameter = parameter_find(name);
     if (*parameter != IDENTIFY_NONE) {
         return ERROR_NONE;
     }
-    return error_set(error, ERROR_INPUT, "found \"%.63s\", expected %s", key,
+    return error_set(error, ERROR_INPUT, "found \"%.63s\", expected %s", name,
                      near ? near
                           : "a key of a drive's file, or offset_rad, delay_s, arm_kg, "
                             "command_gain: a number that can be identified");
 }
 
-const int parameter_count = (int)ARRAY_COUNT(parameters);
+enum error_code parameter_resolve(const struct trial_robot *trial, const char *name,
+                                  int parameter[TRIAL_JOINTS_MAX], size_t *count,
+                                  struct error *error)
+{
+    const char *dot = strrchr(name, '.');
+    const size_t length = dot ? (size_t)(dot - name) : 0;
+    enum error_code code;
+    int index;
+
+    *count = 0;
+    if ((code = parameter_check(name, &index, error))) {
+        return code;
+    }
+    for (size_t k = 0; k < trial->njoint; k++) {
+        const int j = trial->at[k];
+        const char *joint = trial->joint[j].name;
+        const bool named = dot && strlen(joint) == length && !strncmp(name, joint, length);
+        const bool leads = is_of_bench(index) || trial->drive[j] == j;
+
+        if (dot ? named : leads) {
+            parameter[(*count)++] =
+                (is_of_bench(index) ? j : trial->drive[j]) * parameter_count + index;
+        }
+    }
+    if (*count == 0) {
+        return error_set(error, ERROR_INPUT,
+                         "found \"%.63s\", expected a joint of the bench as "
+                         "\"%.63s\" before the point",
+                         name, trial->joint[trial->at[0]].name);
+    }
+    if (!strcmp(parameters[index].key, "arm_kg") && trial->robot.njoint > 1) {
+        return error_set(error, ERROR_INPUT,
+                         "found arm_kg for a robot of %zu joints, expected it for one joint",
+                         trial->robot.njoint);
+    }
+    return ERROR_NONE;
+}
+
+/* Returns the offset of a parameter in a trial. */
+static size_t offset_of(int parameter)
+{
+    const int index = parameter % parameter_count;
+    const size_t offset = parameters[index].offset;
+    const size_t stride = is_of_bench(index)      ? sizeof(struct bench_numbers)
+                          : offset >= AT(effects) ? sizeof(struct robot_effects)
+                                                  : sizeof(struct robot_joint);
+
+    return offset + (size_t)(parameter / parameter_count) * stride;
+}
 
 double parameter_get(const struct trial_robot *trial, int parameter)
 {
-    return *(const double *)(const void *)((const char *)trial + parameters[parameter].offset);
+    return *(const double *)(const void *)((const char *)trial + offset_of(parameter));
 }
 
-void parameter_set(struct trial_robot *trial, const int *parameter, const double *value,
-                   size_t count)
+/* Sets the parameters of one joint. */
+static void set_joint(struct trial_robot *trial, int j, const int *parameter, const double *value,
+                      size_t count)
 {
-    struct robot_load_friction *load = &trial->effects.load;
-    const double ratio = trial->joint.sea.Kw / trial->joint.sea.Kt;
+    struct robot_sea *sea = &trial->joint[j].sea;
+    struct robot_effects *effects = &trial->effects[j];
+    struct robot_load_friction *load = &effects->load;
+    const double ratio = sea->Kw / sea->Kt;
     bool free[ARRAY_COUNT(parameters)] = {false};
 
     for (size_t i = 0; i < count; i++) {
-        *(double *)(void *)((char *)trial + parameters[parameter[i]].offset) = value[i];
-        free[parameter[i]] = true;
+        const int index = parameter[i] % parameter_count, of = parameter[i] / parameter_count;
+
+        if (of == (is_of_bench(index) ? j : trial->drive[j])) {
+            *(double *)(void *)((char *)trial + offset_of(j * parameter_count + index)) = value[i];
+            free[index] = true;
+        }
     }
 
     /* Set the parameters that depend on free ones, unless they are free too */
     if (free[parameter_find("NKt_nm_a")] && !free[parameter_find("NKw_v_s_rad")]) {
-        trial->joint.sea.Kw = ratio * trial->joint.sea.Kt;
+        sea->Kw = ratio * sea->Kt;
     }
     if (free[parameter_find("load_motor")] && !free[parameter_find("load_external")]) {
         load->external = load->motor;
@@ -114,9 +191,16 @@ void parameter_set(struct trial_robot *trial, const int *parameter, const double
         !free[parameter_find("load_external_stribeck")]) {
         load->external_stribeck = load->motor_stribeck;
     }
-    trial->effects.breakaway = trial->effects.stribeck > 0.0
-                                   ? fmax(trial->effects.breakaway, trial->effects.coulomb)
-                                   : trial->effects.coulomb;
+    effects->breakaway =
+        effects->stribeck > 0.0 ? fmax(effects->breakaway, effects->coulomb) : effects->coulomb;
+}
+
+void parameter_set(struct trial_robot *trial, const int *parameter, const double *value,
+                   size_t count)
+{
+    for (size_t k = 0; k < trial->njoint; k++) {
+        set_joint(trial, trial->at[k], parameter, value, count);
+    }
 }
 
 void parameter_set_group(struct trial_robot *trial, const struct group_number *number)
@@ -145,7 +229,8 @@ void parameter_take_group(struct trial_robot *trial, const char *group)
 void parameter_bounds(const struct trial_robot *trial, int parameter, double supply_v,
                       double *lower, double *upper)
 {
-    const struct robot_sea *sea = &trial->joint.sea;
+    const int j = parameter / parameter_count;
+    const struct robot_sea *sea = &trial->joint[j].sea;
     const double stall = supply_v / sea->R * sea->Kt;
     const double start = parameter_get(trial, parameter);
     const double most[] = {
@@ -155,23 +240,23 @@ void parameter_bounds(const struct trial_robot *trial, int parameter, double sup
         [BY_DAMPING] = 0.5 * stall * sea->Kw / supply_v,
         [BY_ANGLE] = 0.1,
         [BY_TIME] = 0.02,
-        [BY_MASS] = 0.5 * trial->body[1].inertia.mass,
+        [BY_MASS] = 0.5 * trial->body[j + 1].inertia.mass,
         [BY_GAIN] = 3.0,
         [BY_OTHER] = 20.0 * start,
     };
-    const enum scale scale = parameters[parameter].scale;
+    const enum scale scale = parameter_of(parameter)->scale;
 
     *upper = fmax(most[scale], scale == BY_SHARE ? 0.0 : 5.0 * start);
     *lower = scale == BY_OTHER ? 0.05 * start : scale == BY_SPEED ? 0.002 * *upper : 0.0;
-    if (!strcmp(parameters[parameter].key, "offset_rad")) {
+    if (!strcmp(parameter_of(parameter)->key, "offset_rad")) {
         *lower = -*upper;
     }
 }
 
 bool parameter_is_written(const struct trial_robot *trial, int parameter)
 {
-    const struct parameter *of = &parameters[parameter];
-    const struct robot_effects *effects = &trial->effects;
+    const struct parameter *of = parameter_of(parameter);
+    const struct robot_effects *effects = &trial->effects[parameter / parameter_count];
     const bool thermal = of->offset >= EFFECT(thermal) && of->offset < EFFECT(dead_time);
 
     /* The constants of the paper's drive model are required. A parameter that has no effect without

@@ -8,17 +8,50 @@
 #include <math.h>
 #include <string.h>
 
-/* Reserved address space for a plant with one joint, bytes. */
+/* Reserved address space for a plant, bytes per joint. */
 #define PLANT_BYTES ((size_t)1 << 22)
+
+/* The brake of a joint with a drive that is not identified, N m/rad and N m s/rad. */
+static const struct robot_passive BRAKE = {.stiffness = 1e5, .damping = 100.0};
 
 /* Duration over which the initial position of a recording is averaged, s. */
 #define START_S 0.02
 
+/* Adds a uniform rod from the joint's axis, at the frame's origin, to the center of mass. */
+static void add_arm(double arm_kg, struct robot_inertia *inertia)
+{
+    /* Both centers of mass lie on a line through the origin; apply the parallel axis theorem */
+    static const int row[6] = {0, 0, 0, 1, 1, 2}, column[6] = {0, 1, 2, 1, 2, 2};
+    const double total = inertia->mass + arm_kg, *c = inertia->com;
+    const double apart = inertia->mass * arm_kg / total * 0.25 + arm_kg / 12.0;
+    const double square = c[0] * c[0] + c[1] * c[1] + c[2] * c[2];
+    const double moved = (inertia->mass + 0.5 * arm_kg) / total;
+
+    for (int i = 0; i < 6; i++) {
+        inertia->I[i] += apart * ((row[i] == column[i] ? square : 0.0) - c[row[i]] * c[column[i]]);
+    }
+    for (int i = 0; i < 3; i++) {
+        inertia->com[i] *= moved;
+    }
+    inertia->mass = total;
+}
+
+/* Returns whether a trial identifies joint j. */
+static bool is_identified(const struct trial_robot *trial, size_t j)
+{
+    bool found = false;
+
+    for (size_t k = 0; k < trial->njoint; k++) {
+        found |= trial->at[k] == (int)j;
+    }
+    return found;
+}
+
 /* Completes a trial in place: sets the pointers to its own parts, and adds the arm's mass. Puts the
  * mount of the output in place: an inertia about the joint's axis without gravity, behind the
- * spring of a load cell at the angle `start`. Like the
- * reader of a robot file, it enables the effects only if one is set. */
-static void settle_trial(struct trial_robot *trial, double start)
+ * spring of a load cell at the angle `start`. Like the reader of a robot file, it enables the
+ * effects only if one is set. Brakes hold the driven joints that are not identified. */
+static void settle_trial(struct trial_robot *trial, const double *start)
 {
     static const struct robot_effects none;
     const struct bench_mount *mount = &trial->mount;
@@ -29,40 +62,33 @@ static void settle_trial(struct trial_robot *trial, double start)
             .I = {mount->inertia_kg_m2, 0.0, 0.0, mount->inertia_kg_m2, 0.0, mount->inertia_kg_m2}};
     }
     if (mount->lock_nm_rad > 0.0) {
-        trial->joint.passive =
-            (struct robot_passive){.stiffness = mount->lock_nm_rad, .rest = start};
+        trial->joint[0].passive =
+            (struct robot_passive){.stiffness = mount->lock_nm_rad, .rest = start[0]};
     }
-    if (trial->bench.arm_kg > 0.0) {
-        struct robot_inertia *inertia = &trial->body[1].inertia;
-
-        /* Both centers of mass lie on a line through the origin; apply the parallel axis theorem */
-        static const int row[6] = {0, 0, 0, 1, 1, 2}, column[6] = {0, 1, 2, 1, 2, 2};
-        const double total = inertia->mass + trial->bench.arm_kg, *c = inertia->com;
-        const double apart =
-            inertia->mass * trial->bench.arm_kg / total * 0.25 + trial->bench.arm_kg / 12.0;
-        const double square = c[0] * c[0] + c[1] * c[1] + c[2] * c[2];
-        const double moved = (inertia->mass + 0.5 * trial->bench.arm_kg) / total;
-
-        /* Add a uniform rod from the joint's axis, at the frame's origin, to the center of mass */
-        for (int i = 0; i < 6; i++) {
-            inertia->I[i] +=
-                apart * ((row[i] == column[i] ? square : 0.0) - c[row[i]] * c[column[i]]);
-        }
-        for (int i = 0; i < 3; i++) {
-            inertia->com[i] *= moved;
-        }
-        inertia->mass = total;
+    if (trial->bench[0].arm_kg > 0.0) {
+        add_arm(trial->bench[0].arm_kg, &trial->body[1].inertia);
     }
     trial->robot.body = trial->body;
-    trial->robot.joint = &trial->joint;
-    trial->joint.sea.effects =
-        memcmp(&trial->effects, &none, sizeof none) != 0 ? &trial->effects : NULL;
+    trial->robot.joint = trial->joint;
+    for (size_t j = 0; j < trial->robot.njoint; j++) {
+        struct robot_joint *joint = &trial->joint[j];
+
+        if (joint->sea.present || joint->hydraulic.present) {
+            joint->sea.effects =
+                memcmp(&trial->effects[j], &none, sizeof none) != 0 ? &trial->effects[j] : NULL;
+            if (!is_identified(trial, j)) {
+                joint->sea.present = joint->hydraulic.present = false;
+                joint->passive = BRAKE;
+                joint->passive.rest = start[j];
+            }
+        }
+    }
 }
 
 /* Creates the plant of a trial, at the start of a recording. */
 static enum error_code make_plant(const struct rig *rig, const struct trial_robot *trial,
-                                  double start, struct dynamics *dynamics, struct arena *arena,
-                                  struct plant **plant, struct error *error)
+                                  const double *start, struct dynamics *dynamics,
+                                  struct arena *arena, struct plant **plant, struct error *error)
 {
     enum error_code code = dynamics_generic(&trial->robot, arena, dynamics, error);
     const struct plant_config config = {.robot = &trial->robot,
@@ -76,7 +102,7 @@ static enum error_code make_plant(const struct rig *rig, const struct trial_robo
                                         .bus = rig->supply_bus};
 
     code = code ? code : plant_create(&config, arena, plant, error);
-    if (!code && plant_reset(*plant, NULL, NULL, &start)) {
+    if (!code && plant_reset(*plant, NULL, NULL, start)) {
         code = error_set(error, ERROR_INPUT, "%s", plant_failure(*plant));
     }
     if (!code) {
@@ -99,33 +125,44 @@ static double start_position(const struct recording *r)
     return count > 0 ? sum / (double)count : 0.0;
 }
 
-/* Reads all signals of the plant in its present state. Returns false if the plant failed. */
-static bool sense_signals(const struct trial_robot *trial, struct plant *plant,
-                          double value[SIGNALS])
-{
-    const struct motor_sense *sense = plant_sensors(plant)->motor;
-    const struct robot_passive *cell = &trial->joint.passive;
-
-    if (plant_sample(plant) || !isfinite(sense->q)) {
-        return false;
-    }
-    value[SIGNAL_POSITION] = sense->q - trial->bench.offset_rad;
-    value[SIGNAL_LOAD_TORQUE] = trial->mount.lock_nm_rad > 0.0
-                                    ? cell->stiffness * (sense->q - cell->rest)
-                                    : sense->torque_nm;
-    value[SIGNAL_DEFLECTION] = sense->qm - sense->q;
-    value[SIGNAL_MOTOR_POSITION] = sense->qm - trial->bench.offset_rad;
-    value[SIGNAL_CURRENT] = sense->current_a;
-    value[SIGNAL_TEMPERATURE] = sense->winding_c;
-    return true;
-}
-
 /* A host's loop about the torque of the spring: the torques of the last ticks, which exceed the
  * longest delay by the shortest tick, and its error. */
 enum { TORQUES = 10002 };
 struct torque_loop {
     double torque[TORQUES], error, taken;
 };
+
+/* A joint in a simulation: its recording, and its present row and signals. */
+struct joint_run {
+    const struct recording *r;
+    const struct bench_numbers *bench;
+    const struct robot_joint *joint;
+    const struct motor_sense *sense;
+    struct motor_command *command;
+    struct torque_loop *loop; /* NULL = none */
+    struct simulated *out;
+    double guide;             /* feedback of the measured position, unit of the command per rad */
+    double lock_nm_rad;       /* stiffness of the load cell; 0 = the torque of the drive */
+    double value[2][SIGNALS]; /* before and after the tick */
+    size_t row, next;         /* of the command; of the next time */
+};
+
+/* Reads the signals of a joint from the plant's sensors. Returns false if they are not finite. */
+static bool sense_signals(struct joint_run *run)
+{
+    const struct motor_sense *sense = run->sense;
+    double *value = run->value[1];
+
+    value[SIGNAL_POSITION] = sense->q - run->bench->offset_rad;
+    value[SIGNAL_LOAD_TORQUE] = run->lock_nm_rad > 0.0
+                                    ? run->lock_nm_rad * (sense->q - run->joint->passive.rest)
+                                    : sense->torque_nm;
+    value[SIGNAL_DEFLECTION] = sense->qm - sense->q;
+    value[SIGNAL_MOTOR_POSITION] = sense->qm - run->bench->offset_rad;
+    value[SIGNAL_CURRENT] = sense->current_a;
+    value[SIGNAL_TEMPERATURE] = sense->winding_c;
+    return isfinite(sense->q);
+}
 
 /* Returns the command of the loop in tick k, whose row is new or not. */
 static double run_torque_loop(const struct bench_law *law, struct torque_loop *loop, size_t k,
@@ -140,65 +177,93 @@ static double run_torque_loop(const struct bench_law *law, struct torque_loop *l
     return reference + law->torque_kp * loop->error;
 }
 
-/* Simulates the recording. */
-static void run_plant(const struct rig *rig, const struct trial_robot *trial,
-                      const struct bench_law *law, const struct recording *r, struct plant *plant,
-                      struct simulated *out)
+/* Sets the command of a joint from a time on, in tick k. row is the last row at that time; the
+ * position has the recording's zero. */
+static void command_joint(const struct rig *rig, const struct bench_law *law, struct joint_run *run,
+                          size_t k, double now)
 {
-    const double tick = (double)rig->tick_ns * 1e-9,
-                 supply = r->supply > 0.0 ? r->supply : rig->supply_v;
-    const struct robot_sea *sea = &trial->joint.sea;
-    struct motor_command *command = plant_command(plant)->motor;
-    double value[2][SIGNALS] = {{0.0}};
-    struct torque_loop loop = {.taken = -INFINITY};
-    size_t row = 0, next = 0;
+    const struct recording *r = run->r;
+    const double supply = r->supply > 0.0 ? r->supply : rig->supply_v;
+    struct motor_command *command = run->command;
+    double duty, given;
 
-    out->diverged |= !sense_signals(trial, plant, value[1]);
-    for (size_t k = 0; next < r->count; k++) {
-        const double now = r->time[0] + (double)k * tick;
-        double duty;
+    while (run->row + 1 < r->count && r->time[run->row + 1] <= now - run->bench->delay_s + 1e-9) {
+        run->row++;
+    }
+    command->bridge_on = r->enabled[run->row];
+    if (law->duty_per_rad > 0.0) {
+        duty = law->duty_per_rad * r->gain * (r->goal[run->row] - run->value[1][SIGNAL_POSITION]);
+        duty = fmax(-law->duty_max, fmin(law->duty_max, duty));
+        command->voltage_v = duty * supply;
+        return;
+    }
+    given = r->voltage[r->voltage_before && run->row + 1 < r->count ? run->row + 1 : run->row];
+    if (run->loop) {
+        const double tick = 1e-9 * (double)rig->tick_ns;
 
-        /* Interpolate the times up to the end of the tick between the two positions */
-        while (row + 1 < r->count && r->time[row + 1] <= now - trial->bench.delay_s + 1e-9) {
-            row++;
-        }
+        run->loop->torque[k % TORQUES] = run->value[1][SIGNAL_LOAD_TORQUE];
+        given = run_torque_loop(law, run->loop, k, tick, now, r->voltage[run->row]);
+    }
+    command->voltage_v = run->bench->command_gain * given;
+    if (run->guide > 0.0) {
+        command->voltage_v +=
+            run->guide * (r->signal[SIGNAL_POSITION][run->row] - run->value[1][SIGNAL_POSITION]);
+    }
+    if (r->command != COMMAND_VOLTAGE) {
+        command->law = (struct current_law){
+            .on = true,
+            .current_a =
+                command->voltage_v / (r->command == COMMAND_TORQUE ? run->joint->sea.Kt : 1.0),
+            .limit_a = INFINITY};
+    }
+}
 
-        /* Set the command from a time on. row is the last row at that time; the position has the
-         * recording's zero. */
-        command->bridge_on = r->enabled[row];
-        if (law->duty_per_rad > 0.0) {
-            duty = law->duty_per_rad * r->gain * (r->goal[row] - value[1][SIGNAL_POSITION]);
-            duty = fmax(-law->duty_max, fmin(law->duty_max, duty));
-            command->voltage_v = duty * supply;
-        } else {
-            command->voltage_v =
-                trial->bench.command_gain *
-                r->voltage[r->voltage_before && row + 1 < r->count ? row + 1 : row];
-            loop.torque[k % TORQUES] = value[1][SIGNAL_LOAD_TORQUE];
-            if (law->torque_kp > 0.0) {
-                command->voltage_v = trial->bench.command_gain *
-                                     run_torque_loop(law, &loop, k, tick, now, r->voltage[row]);
-            }
-            if (r->command != COMMAND_VOLTAGE) {
-                command->law = (struct current_law){
-                    .on = true,
-                    .current_a =
-                        command->voltage_v / (r->command == COMMAND_TORQUE ? sea->Kt : 1.0),
-                    .limit_a = INFINITY};
-            }
-        }
-        memcpy(value[0], value[1], sizeof value[0]);
-        out->diverged = out->diverged || plant_step(plant, rig->substeps) ||
-                        !sense_signals(trial, plant, value[1]);
-        for (; next < r->count && r->time[next] <= now + tick; next++) {
-            const double share = (r->time[next] - now) / tick;
+/* Interpolates the signals at the times up to the end of the tick between its two ends. */
+static void take_rows(struct joint_run *run, double now, double tick)
+{
+    const struct recording *r = run->r;
 
-            for (size_t i = 0; i < SIGNALS; i++) {
-                if (out->signal[i]) {
-                    out->signal[i][next] = value[0][i] + (value[1][i] - value[0][i]) * share;
-                }
+    for (; run->next < r->count && r->time[run->next] <= now + tick; run->next++) {
+        const double share = (r->time[run->next] - now) / tick;
+
+        for (size_t i = 0; i < SIGNALS; i++) {
+            if (run->out->signal[i]) {
+                run->out->signal[i][run->next] =
+                    run->value[0][i] + (run->value[1][i] - run->value[0][i]) * share;
             }
         }
+    }
+}
+
+/* Simulates the recordings of `count` joints. */
+static void run_plant(const struct rig *rig, const struct bench_law *law, struct plant *plant,
+                      struct joint_run *run, size_t count)
+{
+    const double tick = (double)rig->tick_ns * 1e-9;
+    double begin = INFINITY;
+    bool diverged = plant_sample(plant) != ERROR_NONE, done = false;
+
+    for (size_t i = 0; i < count; i++) {
+        begin = fmin(begin, run[i].r->time[0]);
+        diverged |= !sense_signals(&run[i]);
+    }
+    for (size_t k = 0; !done; k++) {
+        const double now = begin + (double)k * tick;
+
+        for (size_t i = 0; i < count; i++) {
+            command_joint(rig, law, &run[i], k, now);
+            memcpy(run[i].value[0], run[i].value[1], sizeof run[i].value[0]);
+        }
+        diverged = diverged || plant_step(plant, rig->substeps) || plant_sample(plant);
+        done = true;
+        for (size_t i = 0; i < count; i++) {
+            diverged = diverged || !sense_signals(&run[i]);
+            take_rows(&run[i], now, tick);
+            done &= run[i].next == run[i].r->count;
+        }
+    }
+    for (size_t i = 0; i < count; i++) {
+        run[i].out->diverged = diverged;
     }
 }
 
@@ -207,26 +272,51 @@ enum error_code simulate_recording(const struct rig *rig, const struct trial_rob
                                    struct simulated *out, struct error *error)
 {
     struct trial_robot trial = *given;
+    struct joint_run run[TRIAL_JOINTS_MAX];
     struct dynamics dynamics;
     struct plant *plant;
     struct arena arena;
-    double start;
+    double start[TRIAL_JOINTS_MAX];
     enum error_code code;
 
     if (recording->signal[SIGNAL_LOSS]) {
         point_simulate(given, recording, out);
         return ERROR_NONE;
     }
-    if ((code = arena_init(&arena, PLANT_BYTES, error))) {
+    if ((code = arena_init(&arena, (trial.robot.njoint + 1) * PLANT_BYTES, error))) {
         return code;
     }
-    out->diverged = false;
     parameter_take_group(&trial, recording->group);
-    start = start_position(recording) + trial.bench.offset_rad;
+    memcpy(start, rig->joint, trial.robot.njoint * sizeof *start);
+    for (size_t i = 0; i < trial.njoint; i++) {
+        start[trial.at[i]] = start_position(&recording[i]) + trial.bench[trial.at[i]].offset_rad;
+    }
     settle_trial(&trial, start);
     code = make_plant(rig, &trial, start, &dynamics, &arena, &plant, error);
+    for (size_t i = 0; i < trial.njoint && !code; i++) {
+        const int j = trial.at[i];
+
+        run[i] = (struct joint_run){.r = &recording[i],
+                                    .bench = &trial.bench[j],
+                                    .joint = &trial.joint[j],
+                                    .sense = &plant_sensors(plant)->motor[j],
+                                    .command = &plant_command(plant)->motor[j],
+                                    .out = &out[i],
+                                    .lock_nm_rad = trial.mount.lock_nm_rad};
+        for (size_t k = 0; k < recording[i].count && recording[i].signal[SIGNAL_POSITION]; k++) {
+            run[i].guide = fmax(run[i].guide, trial.guide * fabs(recording[i].voltage[k]));
+        }
+        if (law->torque_kp > 0.0) {
+            run[i].loop = arena_alloc(&arena, 1, sizeof *run[i].loop);
+            if (!run[i].loop) {
+                code = error_set(error, ERROR_MEMORY, "no memory for a loop");
+            } else {
+                run[i].loop->taken = -INFINITY;
+            }
+        }
+    }
     if (!code) {
-        run_plant(rig, &trial, law, recording, plant, out);
+        run_plant(rig, law, plant, run, trial.njoint);
     }
     arena_fini(&arena);
     return code;

@@ -69,12 +69,12 @@ result $? "angles in degrees are refused"
     "$hil" identify "$work/start/rigs/arm.yaml" --recording "$work/record/signals.csv" \
         --free R_ohm --joint pviot >"$work/out" 2>&1
     [ $? -eq 2 ]
-} && grep -q -- '--joint: found "pviot", but the joint of .* is "pivot"' "$work/out"
+} && grep -q 'found no joint "pviot", expected each .* as "pivot"' "$work/out"
 result $? "a number that is free twice and a joint that is not there are refused"
 
 "$hil" identify coman --recording "$work/record/signals.csv" --free R_ohm >"$work/out" 2>&1
-[ $? -eq 2 ] && grep -q 'expected one joint' "$work/out"
-result $? "a robot of many joints is refused"
+[ $? -eq 2 ] && grep -q '23 electric drives on a floating base, expected 1 to 16' "$work/out"
+result $? "a robot on a floating base is refused"
 
 "$hil" validate --report "$work/bench" >"$work/out" 2>&1 &&
     grep -q '^passed xl330' "$work/out" && [ -s "$work/bench/index.html" ] &&
