@@ -35,6 +35,8 @@ BENCH = {"robot": {"fixed_base": True}, "scene": {"engine": "none"}, "initial": 
 JOINTS = ["LElbj", "RElbj"]
 WARNINGS = "-std=c11 -Wall -Wextra -Wpedantic -Werror"
 ROS2 = SOURCE / "examples" / "ros2_control"
+# of the package hardware_interface (ros2_stand_in.hpp)
+ROS2_VERSIONS = {"Humble": "254", "Jazzy": "446", "Kilted": "516", "Lyrical": "608"}
 
 
 def run(*command, **keys):
@@ -98,14 +100,15 @@ def build():
         shutil.copy(SOURCE / "client" / name, copy)
     run("make", "-C", c, env=environment)
     run("make", "-C", copied, f"COPY={copy}", f"CFLAGS=-O2 {WARNINGS}")
-    return {"installed": c / "elbow", "copied": copied / "elbow", "ROS 2": build_ros2()}
+    return {"installed": c / "elbow", "copied": copied / "elbow", **build_ros2()}
 
 
 def build_ros2():
-    """Builds the hardware interface and a stand-in for its manager; returns the program."""
+    """Builds the hardware interface and a stand-in for its manager against the headers of each
+    release of ROS 2; returns the programs by release."""
     folder = WORK / "ros2"
     sources = [*(ROS2 / "src").glob("*.cpp"), *(ROS2 / "include").rglob("*.hpp")]
-    for name in re.findall(r"^#include [<\"](\w+/[\w/]+\.hpp)", "".join(
+    for name in re.findall(r"^#include [<\"](\w+/[\w/]+\.h(?:pp)?)", "".join(
             path.read_text() for path in sources), re.M):
         if not (ROS2 / "include" / name).exists():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -113,15 +116,20 @@ def build_ros2():
     (folder / "CMakeLists.txt").write_text(f"""cmake_minimum_required(VERSION 3.16)
 project(manager LANGUAGES CXX)
 find_package(coman-hil-client REQUIRED)
-add_executable(manager {ROS2}/src/system.cpp {SOURCE}/tests/service/ros2_manager.cpp)
-target_compile_features(manager PRIVATE cxx_std_17)
-target_compile_options(manager PRIVATE -Wall -Wextra -Wpedantic -Werror)
-target_include_directories(manager PRIVATE {folder} {ROS2}/include {SOURCE}/tests/service)
-target_link_libraries(manager PRIVATE coman-hil::client)
+foreach(version {" ".join(ROS2_VERSIONS.values())})
+    add_executable(manager${{version}}
+        {ROS2}/src/system.cpp {SOURCE}/tests/service/ros2_manager.cpp)
+    target_compile_definitions(manager${{version}} PRIVATE STAND_IN_VERSION=${{version}})
+    target_compile_features(manager${{version}} PRIVATE cxx_std_17)
+    target_compile_options(manager${{version}} PRIVATE -Wall -Wextra -Wpedantic -Werror)
+    target_include_directories(manager${{version}} PRIVATE
+        {folder} {ROS2}/include {SOURCE}/tests/service)
+    target_link_libraries(manager${{version}} PRIVATE coman-hil::client)
+endforeach()
 """)
     run(CMAKE, "-S", folder, "-B", folder / "build", f"-DCMAKE_PREFIX_PATH={PREFIX}")
     run(CMAKE, "--build", folder / "build")
-    return folder / "build" / "manager"
+    return {name: folder / "build" / f"manager{version}" for name, version in ROS2_VERSIONS.items()}
 
 
 def test_ros2_files(manager):
@@ -171,6 +179,19 @@ def test_ros2_real_time(manager):
         result(text.startswith("joint LElbj has tripped"), "it reports a trip", text)
 
 
+def test_ros2_commands(programs):
+    """A controller that has no command, and parameters that are no numbers."""
+    for name in ROS2_VERSIONS:
+        with Simulator("coman-compact") as simulator:
+            simulator.wait()
+            text = run(programs[name], "--nan", simulator.ready, *JOINTS)
+            result("2.000 s" in text, f"{name}: a controller may write no number", text)
+        for ticks in ("4x", "-4", "1001"):
+            text = refused("env", f"PERIOD_TICKS={ticks}", programs[name], "none", "LElbj")
+            result(f'period_ticks: found "{ticks}", expected a whole number' in text,
+                   f"{name}: so says the period {ticks}", text)
+
+
 def drive_in_python(rig):
     """The state after the controller of examples/controller-c, written in Python."""
     import coman_hil
@@ -211,9 +232,10 @@ def test_rig(rig, programs):
            f"{rig}: {len(frames)} frames of the controller in C are the same again",
            runs["installed"][:2] + runs["copied"][:2])
     result(state == drive_in_python(rig), f"{rig}: so is the state of that in Python")
-    again = drive(programs["ROS 2"], rig)
-    result(again == runs["ROS 2"] and "2.000 s" in again[0],
-           f"{rig}: {len(again[2])} frames of the hardware for ROS 2 are the same again", again[0])
+    humble = runs["Humble"]
+    result("2.000 s" in humble[0] and all(runs[name] == humble for name in ROS2_VERSIONS),
+           f"{rig}: {len(humble[2])} frames of the hardware for ROS 2 are the same in all releases",
+           [runs[name][0] for name in ROS2_VERSIONS])
 
 
 def refused(program, *arguments):
@@ -377,8 +399,10 @@ def main():
         result(True, "the examples are built with what is installed, and with two copied files")
         for rig in RIGS:
             test_rig(rig, programs)
-        test_ros2_files(programs["ROS 2"])
-        test_ros2_real_time(programs["ROS 2"])
+        for name in ("Humble", "Lyrical"):
+            test_ros2_files(programs[name])
+            test_ros2_real_time(programs[name])
+        test_ros2_commands(programs)
         test_protocols()
         test_described()
         test_refusals(programs["copied"])

@@ -51,12 +51,123 @@ std::string System::parameter(const std::string &name) const
     return found == info_.hardware_parameters.end() ? std::string() : found->second;
 }
 
+// The whole number of a parameter; 0 without the parameter.
+bool System::number(const std::string &name, int largest, int &value) const
+{
+    const std::string text = parameter(name);
+    char *end = nullptr;
+    const long found = std::strtol(text.c_str(), &end, 10);
+
+    if (*end != '\0' || found < 0 || found > largest) {
+        RCLCPP_ERROR(logger(), "parameter %s: found \"%s\", expected a whole number from 0 to %d",
+                     name.c_str(), text.c_str(), largest);
+        return false;
+    }
+    value = static_cast<int>(found);
+    return true;
+}
+
+#if COMAN_HIL_ROS2_FRAMEWORK_INTERFACES
+
+CallbackReturn System::on_init(const hardware_interface::HardwareComponentInterfaceParams &params)
+{
+    return SystemInterface::on_init(params) == CallbackReturn::SUCCESS ? read_tag()
+                                                                       : CallbackReturn::ERROR;
+}
+
+void System::find_interfaces()
+{
+    for (auto &joint : joints_) {
+        const auto find = [&](const char *name) {
+            const std::string full = joint.name + "/" + name;
+
+            return has_state(full) ? get_state_interface_handle(full) : nullptr;
+        };
+
+        joint.position_state = find("position");
+        joint.velocity_state = find("velocity");
+        joint.effort_state = find("effort");
+        if (joint.quantity != HIL_CLIENT_OFF) {
+            joint.command_interface =
+                get_command_interface_handle(joint.name + "/" + joint.command_name);
+        }
+    }
+}
+
+// A state that a controller reads at this moment keeps its last value.
+void System::set_states()
+{
+    const auto set = [this](const hardware_interface::StateInterface::SharedPtr &state,
+                            double value) {
+        if (state) {
+            set_state(state, value, false);
+        }
+    };
+
+    for (auto &joint : joints_) {
+        set(joint.position_state, joint.position);
+        set(joint.velocity_state, joint.velocity);
+        set(joint.effort_state, joint.effort);
+    }
+}
+
+void System::set_commands()
+{
+    for (auto &joint : joints_) {
+        if (joint.command_interface) {
+            set_command(joint.command_interface, joint.command, true);
+        }
+    }
+}
+
+void System::get_commands()
+{
+    for (auto &joint : joints_) {
+        if (joint.command_interface) {
+            get_command(joint.command_interface, joint.command, false);
+        }
+    }
+}
+
+#else
+
 CallbackReturn System::on_init(const hardware_interface::HardwareInfo &info)
 {
-    if (SystemInterface::on_init(info) != CallbackReturn::SUCCESS) {
+    return SystemInterface::on_init(info) == CallbackReturn::SUCCESS ? read_tag()
+                                                                     : CallbackReturn::ERROR;
+}
+
+std::vector<hardware_interface::StateInterface> System::export_state_interfaces()
+{
+    std::vector<hardware_interface::StateInterface> interfaces;
+
+    for (auto &joint : joints_) {
+        interfaces.emplace_back(joint.name, "position", &joint.position);
+        interfaces.emplace_back(joint.name, "velocity", &joint.velocity);
+        interfaces.emplace_back(joint.name, "effort", &joint.effort);
+    }
+    return interfaces;
+}
+
+std::vector<hardware_interface::CommandInterface> System::export_command_interfaces()
+{
+    std::vector<hardware_interface::CommandInterface> interfaces;
+
+    for (auto &joint : joints_) {
+        if (joint.quantity != HIL_CLIENT_OFF) {
+            interfaces.emplace_back(joint.name, joint.command_name, &joint.command);
+        }
+    }
+    return interfaces;
+}
+
+#endif
+
+CallbackReturn System::read_tag()
+{
+    if (!number("period_ticks", 1000, period_ticks_) || !number("port", 65535, port_)) {
         return CallbackReturn::ERROR;
     }
-    period_ticks_ = std::atoi(parameter("period_ticks").c_str());
     for (const auto &component : info_.joints) {
         Joint joint;
 
@@ -93,7 +204,7 @@ CallbackReturn System::on_configure(const rclcpp_lifecycle::State &)
     options.table = table.empty() ? nullptr : table.c_str();
     options.ready = ready.empty() ? nullptr : ready.c_str();
     options.host = host.empty() ? nullptr : host.c_str();
-    options.port = static_cast<std::uint16_t>(std::atoi(parameter("port").c_str()));
+    options.port = static_cast<std::uint16_t>(port_);
     options.lockstep = period_ticks_ > 0;
     if (!succeeded(hil_client_open(&client_, &options))) {
         return CallbackReturn::FAILURE;
@@ -106,6 +217,7 @@ CallbackReturn System::on_configure(const rclcpp_lifecycle::State &)
             return CallbackReturn::FAILURE;
         }
     }
+    find_interfaces();
     // velocities need two positions: none is known before the boards report
     return succeeded(hil_client_listen(&client_)) ? CallbackReturn::SUCCESS
                                                   : CallbackReturn::FAILURE;
@@ -137,8 +249,10 @@ CallbackReturn System::on_activate(const rclcpp_lifecycle::State &)
         return CallbackReturn::FAILURE;
     }
     for (auto &joint : joints_) { // stay where they are until a controller commands
-        joint.command = joint.quantity == HIL_CLIENT_POSITION ? joint.position : 0.0;
+        joint.set_point = joint.quantity == HIL_CLIENT_POSITION ? joint.position : 0.0;
+        joint.command = joint.set_point;
     }
+    set_commands();
     return CallbackReturn::SUCCESS;
 }
 
@@ -154,30 +268,6 @@ CallbackReturn System::on_error(const rclcpp_lifecycle::State &)
     // after this the manager may configure again, which connects anew
     hil_client_close(&client_);
     return CallbackReturn::SUCCESS;
-}
-
-std::vector<hardware_interface::StateInterface> System::export_state_interfaces()
-{
-    std::vector<hardware_interface::StateInterface> interfaces;
-
-    for (auto &joint : joints_) {
-        interfaces.emplace_back(joint.name, "position", &joint.position);
-        interfaces.emplace_back(joint.name, "velocity", &joint.velocity);
-        interfaces.emplace_back(joint.name, "effort", &joint.effort);
-    }
-    return interfaces;
-}
-
-std::vector<hardware_interface::CommandInterface> System::export_command_interfaces()
-{
-    std::vector<hardware_interface::CommandInterface> interfaces;
-
-    for (auto &joint : joints_) {
-        if (joint.quantity != HIL_CLIENT_OFF) {
-            interfaces.emplace_back(joint.name, joint.command_name, &joint.command);
-        }
-    }
-    return interfaces;
 }
 
 // What a protocol does not report is made of what it reports, or stays 0.
@@ -202,6 +292,7 @@ bool System::read_joints(double period_s)
         }
         joint.effort = std::isfinite(state.torque_nm) ? state.torque_nm : 0.0;
     }
+    set_states();
     return true;
 }
 
@@ -226,9 +317,17 @@ return_type System::read(const rclcpp::Time &, const rclcpp::Duration &period)
 
 return_type System::write(const rclcpp::Time &, const rclcpp::Duration &)
 {
-    for (const auto &joint : joints_) {
+    get_commands();
+    for (auto &joint : joints_) {
+        // A controller that has no command writes NaN: a position holds, a voltage or current ends.
+        if (std::isfinite(joint.command)) {
+            joint.set_point = joint.command;
+        } else if (joint.quantity != HIL_CLIENT_POSITION) {
+            joint.set_point = 0.0;
+        }
         if (joint.quantity != HIL_CLIENT_OFF &&
-            !succeeded(hil_client_command(&client_, joint.number, joint.quantity, joint.command))) {
+            !succeeded(
+                hil_client_command(&client_, joint.number, joint.quantity, joint.set_point))) {
             return return_type::ERROR;
         }
     }
