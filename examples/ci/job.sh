@@ -1,7 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# The job: builds the controller and tests it. Results are in results/*.xml (JUnit). It needs
-# coman-hil, libcoman-hil-client-dev and python3-coman-hil, no privileges and no CAN in the kernel.
+# The job: builds the controller and tests it. Results are in results/*.xml (JUnit). It needs the
+# packages coman-hil, libcoman-hil-client-dev, python3-coman-hil, gcc, pkg-config and python3-pytest,
+# no privileges and no CAN in the kernel.
 set -eu
 mkdir -p build results
 coman-hil check rig.yaml >results/check.txt
