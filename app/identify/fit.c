@@ -25,10 +25,13 @@
  * per rad. Without it, a joint that gravity turns over leads far guesses to local minima. */
 #define GUIDE 10.0
 
+/* A Jacobian is updated while it predicts the change of the residuals up to this share (RMS). */
+#define MISSED 0.3
+
 /* A parameter with a larger |sin u| is at its bound. */
 #define AT_BOUND 0.9995
 
-enum { THREADS_MAX = 8 };
+enum { THREADS_MAX = 8, ROUNDS = 2 };
 
 const struct word fit_verdict_words[] = {{"known", FIT_KNOWN},
                                          {"rough", FIT_ROUGH},
@@ -50,7 +53,10 @@ struct fit {
     double guide;      /* of all simulations */
     double level;      /* error of one independent measurement, which scales the priors */
     double weight[SIGNALS];
-    double *work; /* residuals for nfree + 1 sets of variables, m each */
+    double *jacobian;             /* the last one, in column order; m rows */
+    double *last;                 /* residuals where it was computed or updated */
+    double at[IDENTIFY_FREE_MAX]; /* these variables */
+    bool known;                   /* the three are valid */
     /* Sets of variables that are simulated in parallel. A job is one recording with one set. */
     const double *u; /* nset sets of nfree variables */
     double *out;     /* nset sets of m residuals */
@@ -259,13 +265,62 @@ static void find_rms(const struct fit *fit, const double *residual, double rms[S
     }
 }
 
-/* Callback of the solver: computes the residuals (flag 1), or the Jacobian by forward differences
- * in column order (flag 2). A negative result ends the fit. */
+/* Updates the Jacobian by the residuals at other variables (Broyden). Returns whether it predicted
+ * these residuals well; else the Jacobian has to be computed. */
+static bool update_jacobian(struct fit *fit, size_t n, const double *u, const double *residual)
+{
+    double step[IDENTIFY_FREE_MAX], square = 0.0, missed = 0.0, change = 0.0;
+
+    for (size_t i = 0; i < n; i++) {
+        step[i] = u[i] - fit->at[i];
+        square += step[i] * step[i];
+    }
+    if (!fit->known || square == 0.0) {
+        return fit->known && square == 0.0;
+    }
+    for (size_t row = 0; row < fit->m; row++) {
+        const double y = residual[row] - fit->last[row];
+        double rest = y;
+
+        for (size_t i = 0; i < n; i++) {
+            rest -= fit->jacobian[i * fit->m + row] * step[i];
+        }
+        for (size_t i = 0; i < n; i++) {
+            fit->jacobian[i * fit->m + row] += rest * step[i] / square;
+        }
+        missed += rest * rest;
+        change += y * y;
+    }
+    return missed <= MISSED * MISSED * change;
+}
+
+/* Computes the Jacobian by forward differences. */
+static void compute_jacobian(struct fit *fit, size_t n, const double *u, const double *residual)
+{
+    double set[IDENTIFY_FREE_MAX * IDENTIFY_FREE_MAX] = {0};
+
+    for (size_t i = 0; i < n; i++) {
+        memcpy(set + i * n, u, n * sizeof *set);
+        set[i * n + i] += u[i] > 0.0 ? -DIFFERENCE : DIFFERENCE;
+    }
+    run_batch(fit, set, n, fit->jacobian);
+    for (size_t i = 0; i < n; i++) {
+        double *column = fit->jacobian + i * fit->m;
+        const double step = set[i * n + i] - u[i];
+
+        prior_residuals(fit, set + i * n, column);
+        for (size_t row = 0; row < fit->m; row++) {
+            column[row] = (column[row] - residual[row]) / step;
+        }
+    }
+}
+
+/* Callback of the solver: computes the residuals (flag 1), or the Jacobian in column order (flag
+ * 2). A negative result ends the fit. */
 static int fit_evaluate(void *context, int m, int n, const double *u, double *residual,
                         double *jacobian, int stride, int flag)
 {
     struct fit *fit = context;
-    double set[IDENTIFY_FREE_MAX * IDENTIFY_FREE_MAX] = {0};
 
     if (fit->problem->interrupted && *fit->problem->interrupted) {
         return -1;
@@ -275,24 +330,20 @@ static int fit_evaluate(void *context, int m, int n, const double *u, double *re
         prior_residuals(fit, u, residual);
         return fit->code ? -1 : 0;
     }
-    for (int i = 0; i < n; i++) {
-        memcpy(set + i * n, u, (size_t)n * sizeof *set);
-        set[i * n + i] += u[i] > 0.0 ? -DIFFERENCE : DIFFERENCE;
-    }
     if (fit->problem->progress) {
         double rms[SIGNALS];
 
         find_rms(fit, residual, rms);
         fit->problem->progress(++fit->step, rms[fit->judge], fit->judge);
     }
-    run_batch(fit, set, (size_t)n, fit->work);
-    for (int i = 0; i < n && !fit->code; i++) {
-        const double step = set[i * n + i] - u[i];
-
-        prior_residuals(fit, set + i * n, fit->work + i * m);
-        for (int row = 0; row < m; row++) {
-            jacobian[i * stride + row] = (fit->work[i * m + row] - residual[row]) / step;
-        }
+    if (!update_jacobian(fit, (size_t)n, u, residual)) {
+        compute_jacobian(fit, (size_t)n, u, residual);
+    }
+    memcpy(fit->at, u, (size_t)n * sizeof *u);
+    memcpy(fit->last, residual, (size_t)m * sizeof *residual);
+    fit->known = true;
+    for (int i = 0; i < n; i++) {
+        memcpy(jacobian + i * stride, fit->jacobian + i * m, (size_t)m * sizeof *jacobian);
     }
     return fit->code ? -1 : 0;
 }
@@ -451,27 +502,27 @@ static void weigh_residuals(struct fit *fit, const double *residual, bool reweig
     }
 }
 
-/* Runs the solver. With priors or several signals it runs twice, because they are weighted by the
- * errors of the first run. With several joints a guided round comes before. */
+/* Runs the solver twice. The second round begins with a computed Jacobian, and weighs priors and
+ * signals by the errors of the first one. With several joints a guided round comes before. */
 static enum error_code run_solver(struct fit *fit, double *u, double *residual, double *jacobian,
                                   double *last, struct fit_result *result)
 {
     const int n = (int)fit->problem->nfree, m = (int)fit->m;
     const int first = fit->problem->bench->trial.njoint > 1 ? -1 : 0;
-    const int rounds = fit->m > fit->nrow || fit->nsignal > 1 ? 2 : 1;
     double diagonal[IDENTIFY_FREE_MAX], qtf[IDENTIFY_FREE_MAX], work[3][IDENTIFY_FREE_MAX];
     int pivot[IDENTIFY_FREE_MAX], evaluations, jacobians;
 
     fit->guide = first < 0 ? GUIDE : 0.0;
     run_batch(fit, u, 1, residual);
     weigh_residuals(fit, residual, true, result);
-    for (int round = first; round < rounds && !fit->code; round++) {
+    for (int round = first; round < ROUNDS && !fit->code; round++) {
         fit->guide = round < 0 ? GUIDE : 0.0;
+        fit->known = false;
         __cminpack_func__(lmder)(fit_evaluate, fit, m, n, u, residual, jacobian, m, TOLERANCE,
                                  TOLERANCE, 0.0, 3 * fit->problem->steps, diagonal, 1, 1.0, 0,
                                  &evaluations, &jacobians, pivot, qtf, work[0], work[1], work[2],
                                  last);
-        weigh_residuals(fit, residual, round + 1 < rounds, result);
+        weigh_residuals(fit, residual, round + 1 < ROUNDS, result);
     }
     for (int i = 0; i < n; i++) {
         result->value[i] = fit_value(&fit->problem->free[i], u[i]);
@@ -522,12 +573,13 @@ enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *
                          problem->nfree);
     }
 
-    memory = calloc(fit.m * (2 * problem->nfree + 2), sizeof *memory);
+    memory = calloc(fit.m * (2 * problem->nfree + 3), sizeof *memory);
     if (!memory) {
         return error_set(error, ERROR_MEMORY, "no memory for a fit of %zu rows", fit.m);
     }
-    fit.work = memory + fit.m * (problem->nfree + 1);
-    code = run_solver(&fit, u, memory, memory + fit.m, fit.work + fit.m * problem->nfree, result);
+    fit.jacobian = memory + fit.m * (problem->nfree + 1);
+    fit.last = fit.jacobian + fit.m * problem->nfree;
+    code = run_solver(&fit, u, memory, memory + fit.m, fit.last + fit.m, result);
     free(memory);
     return code;
 }
