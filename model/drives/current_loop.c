@@ -52,9 +52,9 @@ double loop_mean(const struct current_loop *loop, double t, double h)
 
 double loop_target(const struct current_loop *loop, double t, double qm, double qmd, double *whole)
 {
-    const struct loop_command *command = loop_command_at(loop, t), *law = &loop->command[1];
-    const double target = loop_filtered(loop, t) + law->stiffness * (command->position - qm) +
-                          law->damping * (command->speed - qmd);
+    const struct loop_command *law = loop_command_at(loop, t);
+    const double target = loop_filtered(loop, t) + law->stiffness * (law->position - qm) +
+                          law->damping * (law->speed - qmd);
 
     if (whole) {
         *whole = target;
@@ -63,10 +63,9 @@ double loop_target(const struct current_loop *loop, double t, double qm, double 
 }
 
 void loop_fill_row(const struct robot_sea *sea, const struct current_loop *loop,
-                   enum loop_kind kind, struct loop_row *row)
+                   const struct loop_command *law, enum loop_kind kind, struct loop_row *row)
 {
     const double w = loop->bandwidth;
-    const struct loop_command *law = &loop->command[1];
 
     *row = (struct loop_row){.current = w, .constant = w};
     if (kind == LOOP_FREE) {
@@ -94,7 +93,7 @@ static double loop_voltage(const struct loop_span *span, double target,
 static double regime_margin(const struct loop_span *span, const struct loop_regime *regime,
                             double t, const struct sea_state *state)
 {
-    const double limit = span->loop->command[1].limit, supply = span->loop->supply;
+    const double limit = loop_command_at(span->loop, t)->limit, supply = span->loop->supply;
     double whole, target = loop_target(span->loop, t, state->qm, state->qmd, &whole);
     double margin = (double)INFINITY;
 
@@ -131,7 +130,7 @@ static void follow_flow(const struct loop_span *span, const struct loop_regime *
                         struct sea_state *state, struct sea_state *slope)
 {
     const struct current_loop *loop = span->loop;
-    const struct loop_command *command = loop_command_at(loop, t), *law = &loop->command[1];
+    const struct loop_command *law = loop_command_at(loop, t);
     const bool is_free = regime->kind == LOOP_FREE;
     const double tangent[LOOP_INPUTS] = {
         slope->qm - passed, slope->qmd, slope->I, is_free ? -slope->qm : 0.0, 0.0, 1.0, 0.0};
@@ -139,11 +138,11 @@ static void follow_flow(const struct loop_span *span, const struct loop_regime *
         [LOOP_DEFLECTION] = state->qm - (span->q + passed * span->rate + span->shift),
         [LOOP_SPEED] = state->qmd,
         [LOOP_CURRENT] = state->I,
-        [LOOP_ERROR] = is_free ? command->position - state->qm : 0.0,
-        [LOOP_FILTER] = is_free ? loop_filtered(loop, t) - command->current : 0.0,
+        [LOOP_ERROR] = is_free ? law->position - state->qm : 0.0,
+        [LOOP_FILTER] = is_free ? loop_filtered(loop, t) - law->current : 0.0,
         [LOOP_RATE] = span->rate,
         [LOOP_CONSTANT] =
-            is_free ? command->current + law->damping * command->speed
+            is_free ? law->current + law->damping * law->speed
                     : regime->side * (regime->kind == LOOP_SATURATED ? loop->supply : law->limit)};
 
     loop_flow_add(flow, input, state);
@@ -199,14 +198,14 @@ void loop_advance(const struct loop_span *span, struct sea_state *state, struct 
         struct loop_flow flow;
         struct loop_row row;
 
-        loop_fill_row(span->sea, span->loop, regime.kind, &row);
+        loop_fill_row(span->sea, span->loop, loop_command_at(span->loop, t), regime.kind, &row);
         if (!whole) {
             loop_flow_make(span->sea, &row, length, &flow);
         }
         follow_flow(span, &regime, whole ? span->flow[regime.kind] : &flow, t, t - span->begin,
                     &last, &tangent);
         /* The command after a change is not yet in force at the end of a part */
-        margin = regime_margin(span, &regime, stop == end ? stop : nextafter(stop, t), &last);
+        margin = regime_margin(span, &regime, stop == change ? nextafter(stop, t) : stop, &last);
         if (part < PARTS_MAX && margin < -LIMIT_TOLERANCE) {
             length = find_regime_end(span, &regime, &row, t, t - span->begin, length, state, margin,
                                      &flow);
@@ -222,22 +221,26 @@ void loop_advance(const struct loop_span *span, struct sea_state *state, struct 
 
 /* ---- implicit steps ---- */
 
+/* Returns the command in force at the end of a step. */
+static const struct loop_command *end_command(const struct loop_step *step)
+{
+    return loop_command_at(step->loop, step->t + step->length);
+}
+
 /* Returns I* without the limit for a rotor that ends with the speed v. */
 static double end_target(const struct loop_step *step, double v)
 {
-    const struct current_loop *loop = step->loop;
-    const struct loop_command *law = &loop->command[1];
-    const struct loop_command *command = loop_command_at(loop, step->t + step->length);
+    const struct loop_command *law = end_command(step);
 
-    return loop_mean(loop, step->t, step->length) +
-           law->stiffness * (command->position - step->qm - step->h * v) +
-           law->damping * (command->speed - v);
+    return loop_mean(step->loop, step->t, step->length) +
+           law->stiffness * (law->position - step->qm - step->h * v) +
+           law->damping * (law->speed - v);
 }
 
 struct loop_line loop_linearize(const struct loop_step *step, const struct loop_regime *regime)
 {
     const struct current_loop *loop = step->loop;
-    const struct loop_command *law = &loop->command[1];
+    const struct loop_command *law = end_command(step);
     const double part = -portable_expm1(-loop->bandwidth * step->length);
     const double winding = step->L + step->length * step->R;
 
@@ -269,7 +272,7 @@ bool loop_revise_regime(const struct loop_step *step, double v, struct loop_regi
     if (regime->kind == LOOP_SATURATED) {
         return false;
     }
-    if (regime->kind == LOOP_FREE && fabs(target) > loop->command[1].limit) {
+    if (regime->kind == LOOP_FREE && fabs(target) > end_command(step)->limit) {
         *regime = (struct loop_regime){LOOP_LIMITED, target > 0.0 ? 1.0 : -1.0};
         return true;
     }

@@ -22,8 +22,7 @@ struct loop_command {
     double current, position, speed, stiffness, damping, limit;
 };
 
-/* The controller in a substep. The command changes at switch_s from the start of the substep;
- * limits and gains are those of command[1] from the start. */
+/* The controller in a substep. The command changes at switch_s from the start of the substep. */
 struct current_loop {
     bool on;
     double bandwidth; /* w, rad/s */
@@ -61,16 +60,16 @@ double loop_mean(const struct current_loop *loop, double t, double h);
  * */
 double loop_target(const struct current_loop *loop, double t, double qm, double qmd, double *whole);
 
-/* Fills the winding's equation in a regime. */
+/* Fills the winding's equation in a regime, under a command. */
 void loop_fill_row(const struct robot_sea *sea, const struct current_loop *loop,
-                   enum loop_kind kind, struct loop_row *row);
+                   const struct loop_command *law, enum loop_kind kind, struct loop_row *row);
 
 /* A drive without effects in a span, whose joint moves from q at `rate`. */
 struct loop_span {
     const struct robot_sea *sea; /* spring with its stop, if the law of the stop holds */
     double shift;                /* of the deflection, by the law of the stop, rad */
     const struct current_loop *loop;
-    /* flows of the span by regime; NULL = not known */
+    /* flows of the span by regime under command[1]; NULL = not known */
     const struct loop_flow *flow[LOOP_KINDS];
     double begin, length; /* s, from the start of the substep */
     double q, rate;

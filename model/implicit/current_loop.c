@@ -7,6 +7,7 @@
  */
 #include "model/implicit/private.h"
 
+#include <math.h>
 #include <string.h>
 
 void implicit_switch_loop(struct plant *plant, size_t d)
@@ -15,13 +16,14 @@ void implicit_switch_loop(struct plant *plant, size_t d)
     memset(&plant->implicit->loop_flows[d], 0, sizeof plant->implicit->loop_flows[d]);
 }
 
-/* Discards the flows of drive d if bandwidth, filter or gains have changed. */
+/* Discards the flows of drive d if bandwidth, filter or gains of the last command have changed. */
 static void check_loop_flows(struct plant *plant, size_t d)
 {
     struct loop_flows *flows = &plant->implicit->loop_flows[d];
+    const struct current_loop *loop = &plant->loop[d];
     struct loop_row row;
 
-    loop_fill_row(&plant->sea[d], &plant->loop[d], LOOP_FREE, &row);
+    loop_fill_row(&plant->sea[d], loop, &loop->command[1], LOOP_FREE, &row);
     if (memcmp(&row, &flows->row, sizeof row) != 0) {
         memset(flows, 0, sizeof *flows);
         flows->row = row;
@@ -34,6 +36,8 @@ struct sea_state implicit_follow_loop(struct plant *plant, size_t d,
                                       struct sea_state *slope)
 {
     const struct current_loop *loop = &plant->loop[d];
+    const struct loop_command *last = &loop->command[1],
+                              *first = loop_command_at(loop, part->begin_s);
     const double h = part->step_s, stage = IMPLICIT_GAMMA * h;
     const double length = part->span == SPAN_STAGE ? stage : h - stage;
     struct robot_sea sea = plant->sea[d];
@@ -46,14 +50,17 @@ struct sea_state implicit_follow_loop(struct plant *plant, size_t d,
         span.shift = implicit_stop_shift(&plant->sea[d], drive->qm - q);
     }
     span.sea = &sea;
-    if (drive_swings_fast(sea.Ks + sea.Kt * loop->command[1].stiffness, sea.J, stage)) {
+    if (drive_swings_fast(sea.Ks + sea.Kt * fmax(first->stiffness, last->stiffness), sea.J,
+                          stage)) {
         span.length = stage;
         loop_step_implicit(&span, length, &end, slope);
         return end;
     }
     check_loop_flows(plant, d);
     span.length = length;
-    for (int kind = 0; kind < LOOP_KINDS; kind++) {
+    const bool known_gains = first->stiffness == last->stiffness && first->damping == last->damping;
+
+    for (int kind = 0; kind < LOOP_KINDS && known_gains; kind++) {
         struct loop_flow *known =
             &plant->implicit->loop_flows[d].of[part->law][part->level][part->span][kind];
 
@@ -63,7 +70,7 @@ struct sea_state implicit_follow_loop(struct plant *plant, size_t d,
             if (known->t == 0.0) {
                 struct loop_row row;
 
-                loop_fill_row(&sea, loop, (enum loop_kind)kind, &row);
+                loop_fill_row(&sea, loop, last, (enum loop_kind)kind, &row);
                 loop_flow_make(&sea, &row, length, known);
             }
             span.flow[kind] = known;

@@ -134,6 +134,57 @@ TEST(a_law_starts_at_the_present_current_without_earlier_commands)
     arena_fini(&p.arena);
 }
 
+/* Gains and limits change with the command that they belong to, also within a substep: a locked
+ * rotor at 1 rad under 2 A, then under a stiffness that asks for 5 A, then under a limit of 3 A. */
+TEST(gains_and_limits_change_with_their_command_after_any_delay)
+{
+    static const struct {
+        double delay;
+        enum plant_integrator integrator;
+        int64_t substep_ns;
+        double tolerance;
+    } rows[] = {
+        {0.0, PLANT_IMPLICIT, MS, 1e-11},    {0.0005, PLANT_IMPLICIT, MS, 1e-11},
+        {0.0037, PLANT_IMPLICIT, MS, 1e-11}, {0.0037, PLANT_IMPLICIT, MS / 4, 1e-11},
+        {0.0999, PLANT_IMPLICIT, MS, 1e-11}, {0.0037, PLANT_DOPRI5, MS, 1e-8},
+        {0.0037, PLANT_RK4, MS / 50, 2e-2},
+    };
+    const double none[3] = {0.0, 0.0, 0.0}, pose = 1.0, w = 2.0 * M_PI * 300.0;
+
+    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
+        struct robot_sea sea = toy_drive(400.0);
+        struct toy_plant p;
+
+        sea.current_loop_hz = 300.0;
+        sea.command_delay_s = rows[i].delay;
+        start(&p, sea, rows[i].integrator, rows[i].substep_ns);
+        assert_ok(plant_reset(p.plant, none, NULL, &pose));
+        plant_clamp(p.plant, true);
+        plant_set_source(p.plant, 1e6);
+        p.motor[0].condition = DRIVE_JAM;
+        while (plant_time_ns(p.plant) < 160 * MS) {
+            const int64_t at = plant_time_ns(p.plant) / MS;
+            const double goal[] = {0.0, 2.0, 5.0, 3.0};
+            double t, I = 0.0;
+
+            p.motor[0].law = (struct current_law){.on = true,
+                                                  .current_a = at < 10 ? 2.0 : 0.0,
+                                                  .limit_a = at < 20 ? 40.0 : 3.0,
+                                                  .stiffness_a_rad = at < 10 ? 0.0 : 50.0,
+                                                  .position_rad = at < 10 ? 0.3 : 1.1};
+            step(&p);
+            t = 1e-9 * (double)plant_time_ns(p.plant) - rows[i].delay;
+            for (int k = 1; k <= 3 && t > 0.01 * (k - 1); k++) {
+                const double passed = k < 3 && t > 0.01 * k ? 0.01 : t - 0.01 * (k - 1);
+
+                I = goal[k] + (I - goal[k]) * exp(-w * passed);
+            }
+            assert_near(p.state[AT_CURRENT], I, rows[i].tolerance);
+        }
+        arena_fini(&p.arena);
+    }
+}
+
 /* rk4 is not stable at these bandwidths: it takes the largest at which it is. */
 TEST(rk4_settles_at_any_bandwidth)
 {
