@@ -134,6 +134,20 @@ uint32_t axis_find_faults(const struct board *board, struct axis *axis, double l
 
 /* ---- control loops ---- */
 
+void axis_follow_current(struct axis *axis, double current_a, double limit_a, double kp_v_a)
+{
+    const double henry = axis->config->winding_h;
+
+    if (henry > 0.0 && kp_v_a <= 0.0) {
+        axis_apply_voltage(axis, 0.0);
+        return;
+    }
+    axis_follow_law(axis,
+                    &(struct current_law){.current_a = current_a,
+                                          .limit_a = limit_a,
+                                          .bandwidth_rad_s = henry > 0.0 ? kp_v_a / henry : 0.0});
+}
+
 double axis_wanted_current(const struct axis *axis)
 {
     const struct current_law *law = &axis->law;

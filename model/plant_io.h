@@ -40,6 +40,7 @@ struct current_law {
     double reading_rad; /* the motor's angle as the controller reads it now */
     double damping_a_s_rad, speed_rad_s;
     double bandwidth_rad_s; /* of the loop; 0 = 2 pi current_loop_hz of the drive */
+    double unused;          /* share of the supply that the controller does not use */
 };
 
 /* The command of one drive's bridge for the next tick. */

@@ -74,7 +74,7 @@ void plant_loop_hold(struct plant *plant, size_t d, double supply)
         loop->bandwidth = fmin(loop->bandwidth, RK4_DECAY * 1e9 / (double)plant->config.substep_ns);
     }
     loop->filter_s = sea->command_filter_s;
-    loop->supply = fmax(supply, LEAST_SUPPLY_V);
+    loop->supply = fmax(supply * (1.0 - law->unused), LEAST_SUPPLY_V);
 
     /* Errors of the reading shift the position target */
     const double reading = finite_or_0(drive.qm - law->reading_rad);

@@ -342,11 +342,17 @@ static const struct {
 
 /* ---- power-up ---- */
 
+double cia402_own_gain(const struct board_axis_config *config, double winding)
+{
+    const double hz = config->current_loop_hz > 0.0 ? config->current_loop_hz : CURRENT_LOOP_HZ;
+
+    return 2.0 * M_PI * hz * winding;
+}
+
 void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_config *config,
                              const struct board_config *board)
 {
     struct cia402_axis_settings *p = &axis->settings;
-    const double hz = config->current_loop_hz > 0.0 ? config->current_loop_hz : CURRENT_LOOP_HZ;
 
     /* Limits, time-out and position gain */
     p->current_limit_ma = cia402_counts(config->current_limit_a, 1e-3);
@@ -370,8 +376,8 @@ void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_c
     /* Tune the loops of a motor from its winding and back-EMF */
     axis->rated_torque_mnm = cia402_counts(config->current_limit_a * config->bemf_v_s_rad, 1e-3);
     if (config->winding_ohm > 0.0) {
-        p->current_gain[0] = cia402_counts(2.0 * M_PI * hz * config->winding_h, 1e-3);
-        p->current_gain[1] = cia402_counts(2.0 * M_PI * hz * config->winding_ohm, 1e-3);
+        p->current_gain[0] = cia402_counts(cia402_own_gain(config, config->winding_h), 1e-3);
+        p->current_gain[1] = cia402_counts(cia402_own_gain(config, config->winding_ohm), 1e-3);
         p->current_gain[2] = cia402_counts(config->bemf_v_s_rad, 1e-3);
         p->velocity_gain[0] = cia402_counts(VELOCITY_KP * config->bemf_v_s_rad, 1e-3);
         p->velocity_gain[1] = cia402_counts(VELOCITY_KI * config->bemf_v_s_rad, 1e-3);

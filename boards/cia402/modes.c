@@ -540,7 +540,7 @@ static void cia402_axis_step_torque(struct cia402_axis *axis)
     double torque = halt ? 0.0 : (double)(axis->target_torque + axis->torque_offset);
     double wanted = fmax(fmin(torque, most), -most), change = wanted - axis->torque_reference;
     double thousandth_a = 1e-3 * (double)axis->rated_current_ma * 1e-3;
-    double henry = axis->base.config->winding_h;
+    double own_v_a = cia402_own_gain(axis->base.config, axis->base.config->winding_h);
 
     axis->limited = axis->limited || fabs(torque) > most;
     if (axis->mode == CIA402_CYCLIC_TORQUE || fabs(change) <= slope) {
@@ -550,12 +550,10 @@ static void cia402_axis_step_torque(struct cia402_axis *axis)
     }
     torque = cia402_axis_lead_back(axis, axis->torque_reference);
     axis->torque_demand = cia402_counts(torque, 1.0);
-    axis_follow_law(
-        &axis->base,
-        &(struct current_law){.current_a = torque * thousandth_a,
-                              .limit_a = most * thousandth_a,
-                              .bandwidth_rad_s =
-                                  henry > 0.0 ? (double)p->current_gain[0] * 1e-3 / henry : 0.0});
+    axis_follow_current(&axis->base, torque * thousandth_a, most * thousandth_a,
+                        p->current_gain[0] == cia402_counts(own_v_a, 1e-3)
+                            ? own_v_a
+                            : (double)p->current_gain[0] * 1e-3);
 }
 
 /* Runs one step of the active mode. Returns the bridge voltage, as measured in torque modes. */

@@ -534,7 +534,9 @@ static void axis_velocity_law(const struct described_node *node, struct describe
     const struct board_axis_config *config = axis->base.config;
     double cap = fmax(axis_target(axis, DESCRIBED_TO_VELOCITY_CAP), 0.0);
     double limit = fmin(axis_setting(axis, DESCRIBED_VELOCITY_LIMIT), cap);
-    double most = config->torque_nm_a * config->current_limit_a, error;
+    double most =
+        config->torque_nm_a * config->current_limit_a * axis_gain_or_1(config->torque_gain);
+    double error;
 
     wanted_rad_s = fmax(fmin(wanted_rad_s, limit), -limit);
     error = wanted_rad_s - axis->base.velocity_rad_s;

@@ -621,13 +621,10 @@ static int64_t foc_follow_current(struct foc_board *foc, int64_t target_ma)
     const double kp_v_a =
         ldexp((double)foc->law[FOC_LOOP_CURRENT].kp, -(int)foc->law[FOC_LOOP_CURRENT].shift) *
         axis->supply_v;
-    const double henry = axis->config->winding_h;
     int32_t vq = 0;
 
-    axis_follow_law(axis, &(struct current_law){.current_a = (double)target_ma * 1e-3,
-                                                .limit_a = (double)foc->setting[FOC_P_PEAK] * 1e-3,
-                                                .bandwidth_rad_s =
-                                                    henry > 0.0 ? fmax(0.0, kp_v_a / henry) : 0.0});
+    axis_follow_current(axis, (double)target_ma * 1e-3, (double)foc->setting[FOC_P_PEAK] * 1e-3,
+                        kp_v_a);
     control_quantize(axis->supply_v > 0.0 ? axis->voltage_v / axis->supply_v * 1e3 : 0.0, &vq);
     return vq;
 }

@@ -143,9 +143,12 @@ void motor_axis_step(const struct board *board, struct motor_axis *axis)
         axis->output = p[ICUB_P_OPEN_LOOP];
         break;
     case ICUB_MODE_CURRENT:
-        axis_follow_law(&axis->base,
-                        &(struct current_law){.current_a = (double)p[ICUB_P_DESIRED_TORQUE] * 1e-3,
-                                              .limit_a = (double)INFINITY});
+        axis_follow_law(&axis->base, &(struct current_law){
+                                         .current_a = (double)p[ICUB_P_DESIRED_TORQUE] * 1e-3,
+                                         .limit_a = (double)INFINITY,
+                                         .unused = 1.0 - (double)pwm_clamp(ICUB_PWM_FULL_SCALE,
+                                                                           p[ICUB_P_PWM_LIMIT]) /
+                                                             ICUB_PWM_FULL_SCALE});
         axis->output = axis->pwm = motor_axis_measured_pwm(axis);
         return;
     case ICUB_MODE_TORQUE:

@@ -369,6 +369,7 @@ static void moteus_law(struct moteus_board *moteus)
     double position = moteus->motor - moteus->zero;
     double lower = command[MOTEUS_R_STAY_LOWER], upper = command[MOTEUS_R_STAY_UPPER];
     double error = position < lower ? lower - position : position > upper ? upper - position : 0.0;
+    double kp = number_or_0(command[MOTEUS_R_KP_SCALE]);
     double kd = number_or_0(command[MOTEUS_R_KD_SCALE]);
 
     switch (moteus_mode(moteus)) {
@@ -389,8 +390,7 @@ static void moteus_law(struct moteus_board *moteus)
     /* outside the bounds, the position loop returns the motor to the nearer bound */
     case MOTEUS_STAY_WITHIN:
         moteus_torque_law(moteus, error, -moteus->velocity,
-                          (const double[]){number_or_0(command[MOTEUS_R_KP_SCALE]),
-                                           error == 0.0 ? 0.0 : kd,
+                          (const double[]){error == 0.0 ? 0.0 : kp, error == 0.0 ? 0.0 : kd,
                                            number_or_0(command[MOTEUS_R_FEEDFORWARD_TORQUE])},
                           command[MOTEUS_R_MAX_TORQUE]);
         break;

@@ -95,6 +95,7 @@ static void start_with(struct bench *bench, const struct protocol *protocol,
         .winding_ohm = bench->sea.R,
         .winding_h = bench->sea.L,
         .bemf_v_s_rad = bench->sea.Kw,
+        .current_loop_hz = bench->sea.current_loop_hz,
     };
     assert_ok(arena_init(&bench->arena, 1 << 23, &error));
     bus.described = protocol->text ? protocol_file(protocol->name) : NULL;
@@ -278,6 +279,70 @@ TEST(the_foc_current_loop_has_the_bandwidth_of_its_gain)
         fail_unless_close(hip(&bench)->current_a, -4.0 * expm1(-1e-3 * w * t), 0.01);
     }
     stop(&bench);
+}
+
+/* The host's limit of the PWM holds for a current, too: a locked rotor takes what the voltage
+ * gives. */
+TEST(the_icub_pwm_limit_limits_the_current_mode)
+{
+    static const double shares[] = {1.0, 0.05, 0.0};
+
+    for (size_t i = 0; i < ARRAY_COUNT(shares); i++) {
+        uint8_t limit[8] = {ICUB_SET_PWM_LIMIT}, torque[8] = {ICUB_SET_DESIRED_TORQUE};
+        const long pwm = lrint(shares[i] * ICUB_PWM_FULL_SCALE);
+        struct bench bench;
+
+        start(&bench, &protocol_icub);
+        plant_command(bench.rig.plant)->motor[HIP].condition = DRIVE_JAM;
+        put_u16_le(limit + 1, (uint16_t)pwm);
+        put_u16_le(torque + 1, 4000); /* mA */
+        send(&bench, 0x001, 3, limit);
+        send(&bench, 0x001, 2, (const uint8_t[]){ICUB_SET_CONTROL_MODE, ICUB_MODE_CURRENT});
+        send(&bench, 0x001, 5, torque);
+        for (int t = 0; t < 100; t++) {
+            tick(&bench);
+        }
+        fail_unless_close(hip(&bench)->current_a,
+                          fmin(4.0, 48.0 * (double)pwm / ICUB_PWM_FULL_SCALE / bench.sea.R), 1e-3);
+        stop(&bench);
+    }
+}
+
+/* A locked rotor reaches 63 % with the drive's bandwidth, or with kp / L if the host wrote kp. Kp
+ * is stored in mV/A. */
+TEST(the_cia402_current_loop_has_the_bandwidth_of_the_drive_or_of_its_gain)
+{
+    static const struct {
+        double hz, henry;
+        int gain; /* mV/A; -1 = as delivered */
+    } rows[] = {{10.0, 2e-5, -1},  {10.0, 1.2e-4, -1}, {40.0, 1e-3, -1}, {300.0, 1e-3, -1},
+                {40.0, 1e-3, 500}, {40.0, 1e-3, 0},    {1.0, 5e-5, -1}};
+
+    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
+        struct robot_sea sea = toy_drive(400.0);
+        double w = 2.0 * M_PI * rows[i].hz;
+        struct bench bench;
+
+        sea.L = rows[i].henry;
+        sea.current_loop_hz = rows[i].hz;
+        start_with(&bench, &protocol_cia402, &sea);
+        plant_command(bench.rig.plant)->motor[HIP].condition = DRIVE_JAM;
+        if (rows[i].gain >= 0) {
+            uint8_t data[8] = {
+                0x23, 0x14, 0x40, 1, (uint8_t)rows[i].gain, (uint8_t)(rows[i].gain >> 8)};
+
+            tick(&bench);
+            send(&bench, CIA402_SDO_REQUEST + 1, 8, data);
+            w = 1e-3 * rows[i].gain / sea.L;
+        }
+        enable(&bench, true);
+        for (int t = 1; t <= 40; t++) {
+            command(&bench, true, 4.0);
+            tick(&bench);
+            fail_unless_close(hip(&bench)->current_a, -4.0 * expm1(-1e-3 * w * t), 1e-5);
+        }
+        stop(&bench);
+    }
 }
 
 /* A light rotor in a gear with play, swinging against its link: without a torque it only loses

@@ -2,6 +2,7 @@
 /* Moteus controllers against frames written by hand from the documents "CAN Protocol" and
  * "Register Reference" of github.com/mjbots/moteus (firmware 1.1.0): subframes, scales,
  * modes, watchdog, faults, paths. */
+#include "base/array.h"
 #include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
 
@@ -336,6 +337,35 @@ TEST_ON(a_command_is_valid_until_the_watchdog, set_up, bench)
     keep(bench, "01 00 0A 0D 20 00 00 C0 7F 05 27 00 80", 20);
     bench_ticks(bench, 5000);
     ask(bench, "11 00", "21 00 0A");
+}
+
+TEST_ON(between_its_bounds_only_the_feedforward_acts, set_up, bench)
+{
+    /* Bounds in turns at a motor at 0.05 turn: inside, below, above */
+    static const struct {
+        float lower, upper;
+        double position; /* of the spring, rad; NAN = none */
+    } rows[] = {{-1.0F, 1.0F, NAN}, {0.125F, 1.0F, 0.25 * M_PI}, {-1.0F, 0.0F, 0.0}};
+
+    bench->sense[0].qm = 0.1 * M_PI;
+    bench_ticks(bench, 60);
+    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
+        const struct current_law *law = &bench->command.motor[0].law;
+        const bool free = isnan(rows[i].position);
+        uint8_t bytes[8];
+        char text[64];
+
+        memcpy(bytes, &rows[i].lower, 4);
+        memcpy(bytes + 4, &rows[i].upper, 4);
+        snprintf(text, sizeof text,
+                 "01 00 0D 0E 40 %02X %02X %02X %02X %02X %02X %02X %02X 0D 42 00 00 00 3F",
+                 bytes[0], bytes[1], bytes[2], bytes[3], bytes[4], bytes[5], bytes[6], bytes[7]);
+        keep(bench, text, 20);
+        assert_true(law->on);
+        assert_near(law->current_a, 0.5 / BEMF, 1e-6);
+        assert_true(free == (law->stiffness_a_rad == 0.0) && free == (law->damping_a_s_rad == 0.0));
+        assert_true(free || fabs(law->position_rad - rows[i].position) < 1e-3);
+    }
 }
 
 TEST_ON(a_fault_stays_until_a_stop, set_up, bench)
