@@ -137,6 +137,7 @@ enum contact_shape {
     CONTACT_BOX,        /* centered, faces along the frame's axes, a mesh of its own */
     CONTACT_MESH,       /* closed triangle mesh in the surface frame */
     CONTACT_CAPSULE,    /* centered, its axis along the frame's z, a half-sphere at each end */
+    CONTACT_CYLINDER,   /* centered, its axis along the frame's z, flat ends */
 };
 
 /* Material of a surface: elastic layer, dissipation and friction. */
@@ -157,8 +158,8 @@ struct contact_surface {
     enum contact_shape shape;
     double position[3]; /* origin of the surface frame in the body (or world) frame, m */
     double rotation[9]; /* surface frame to body frame, row-major */
-    double radius_m;    /* spheres and capsules only */
-    /* capsules only: length of the axis without the half-spheres; 0 or more */
+    double radius_m;    /* spheres, capsules and cylinders only */
+    /* capsules and cylinders only: length of the axis without half-spheres; 0 or more */
     double length_m;
     double half_extent_m[3]; /* boxes only */
     int cells_per_edge;      /* boxes only; 7 gives Simbody's 588 faces */
@@ -352,7 +353,7 @@ struct contact_world {
  * - Force patches have neither area nor depth.
  * - Layers have no end: there is no backing.
  *
- * Capsules and sticking friction are not available: ERROR_UNSUPPORTED. */
+ * Capsules, cylinders and sticking friction are not available: ERROR_UNSUPPORTED. */
 enum error_code contact_simbody_create(const struct contact_config *config,
                                        struct contact_world **world, struct error *error);
 

@@ -227,16 +227,18 @@ struct robot_frame {
     double rotation[9]; /* frame to body, row-major */
 };
 
-/* A collision shape: a cylinder with a half-sphere at each end, or a sphere if the length is 0. It
- * encloses the body, and attached parts that move little relative to it. The rig file gives the
- * material. */
+/* A collision shape: a cylinder with a half-sphere at each end, a sphere if the length is 0, a
+ * cylinder with flat ends, or a box. It encloses the body, and attached parts that move little
+ * relative to it. The rig file gives the material. */
 struct robot_capsule {
     const char *name;
     int body;
     double position[3]; /* its center, in the body frame, m */
     double rotation[9]; /* its axis is z; capsule to body, row-major */
-    double radius;      /* m */
-    double length;      /* length of the axis, without the ends, m */
+    double radius;      /* m; 0 = a box */
+    double length;      /* length of the axis, without the half-spheres, m */
+    bool flat;          /* has flat ends */
+    double half[3];     /* half extents of a box, m */
 };
 
 enum robot_visual_shape { VISUAL_MESH, VISUAL_BOX, VISUAL_SPHERE, VISUAL_CYLINDER, VISUAL_CAPSULE };

@@ -89,11 +89,12 @@ static enum error_code surface_set_place(struct rig_builder *b, const struct raw
 static enum error_code surface_set_shape(struct rig_builder *b, const struct raw_surface *raw,
                                          struct contact_surface *surface)
 {
-    static const char *const what[] = {"a half space", "a sphere", "a box", "a mesh", "a capsule"};
+    static const char *const what[] = {"a half space", "a sphere",  "a box",
+                                       "a mesh",       "a capsule", "a cylinder"};
+    const unsigned along = 1 << CONTACT_CAPSULE | 1 << CONTACT_CYLINDER;
     const struct rig_key keys[] = {
-        {"radius_m", 1 << CONTACT_SPHERE | 1 << CONTACT_CAPSULE,
-         1 << CONTACT_SPHERE | 1 << CONTACT_CAPSULE},
-        {"length_m", 1 << CONTACT_CAPSULE, 1 << CONTACT_CAPSULE},
+        {"radius_m", 1 << CONTACT_SPHERE | along, 1 << CONTACT_SPHERE | along},
+        {"length_m", along, along},
         {"half_extents_m", 1 << CONTACT_BOX, 1 << CONTACT_BOX},
         {"cells", 1 << CONTACT_BOX, 0},
         {"mesh", 1 << CONTACT_MESH, 1 << CONTACT_MESH},
@@ -164,11 +165,15 @@ static enum error_code scene_add_capsules(struct rig_builder *b, struct contact_
         *s = (struct contact_surface){
             .name = capsule->name,
             .body = scene_add_contact_body(b, bodies, capsule->body),
-            .shape = CONTACT_CAPSULE,
+            .shape = capsule->radius == 0.0 ? CONTACT_BOX
+                     : capsule->flat        ? CONTACT_CYLINDER
+                                            : CONTACT_CAPSULE,
+            .cells_per_edge = 1,
             .radius_m = capsule->radius,
             .length_m = capsule->length,
             .material = material,
         };
+        memcpy(s->half_extent_m, capsule->half, sizeof s->half_extent_m);
         memcpy(s->position, capsule->position, sizeof s->position);
         memcpy(s->rotation, capsule->rotation, sizeof s->rotation);
         contact->nsurface++;

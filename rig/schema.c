@@ -46,6 +46,7 @@ static const struct word shape_names[] = {
     {"box", CONTACT_BOX},
     {"mesh", CONTACT_MESH},
     {"capsule", CONTACT_CAPSULE},
+    {"cylinder", CONTACT_CYLINDER},
     {NULL, 0},
 };
 static const struct word kind_names[] = {

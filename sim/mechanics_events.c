@@ -276,6 +276,8 @@ static double depth_below(const struct watch *watch, const struct contact_surfac
     }
     if (surface->shape == CONTACT_CAPSULE) {
         reach += 0.5 * surface->length_m * fabs(n[2]);
+    } else if (surface->shape == CONTACT_CYLINDER) {
+        reach = reach * sqrt(n[0] * n[0] + n[1] * n[1]) + 0.5 * surface->length_m * fabs(n[2]);
     } else if (surface->shape == CONTACT_BOX) {
         reach = fabs(surface->half_extent_m[0] * n[0]) + fabs(surface->half_extent_m[1] * n[1]) +
                 fabs(surface->half_extent_m[2] * n[2]);

@@ -107,6 +107,8 @@ static int surface_count_primitives(const struct contact_surface *s, enum scene_
         return list == LIST_SPHERES;
     case CONTACT_CAPSULE:
         return list == LIST_SPHERES ? 2 : list == LIST_CYLINDERS;
+    case CONTACT_CYLINDER:
+        return list == LIST_CYLINDERS;
     case CONTACT_MESH:
         return list == LIST_TRIANGLES;
     }

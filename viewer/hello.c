@@ -88,6 +88,7 @@ static json_t *scene_surface(const struct viewer *viewer, size_t index)
         [CONTACT_BOX] = "box",
         [CONTACT_MESH] = "mesh",
         [CONTACT_CAPSULE] = "capsule",
+        [CONTACT_CYLINDER] = "cylinder",
     };
     const struct contact_surface *surface = &viewer->rig->contact.surface[index];
     int body = surface->body < 0 ? -1 : viewer->rig->contact_body[surface->body];
@@ -110,8 +111,9 @@ static bool capsule_is_surface(const struct rig *rig, const struct robot_capsule
     for (size_t i = 0; i < rig->contact.nsurface; i++) {
         const struct contact_surface *surface = &rig->contact.surface[i];
 
-        if (surface->body >= 0 && surface->shape == CONTACT_CAPSULE &&
-            rig->contact_body[surface->body] == capsule->body) {
+        if (!strcmp(surface->name, capsule->name) ||
+            (surface->body >= 0 && surface->shape == CONTACT_CAPSULE &&
+             rig->contact_body[surface->body] == capsule->body)) {
             return true;
         }
     }
@@ -134,10 +136,16 @@ static json_t *scene_shapes(const struct viewer *viewer)
         if (capsule_is_surface(rig, capsule)) {
             continue;
         }
-        object = scene_place(capsule->name, capsule->body, "capsule", capsule->position,
-                             capsule->rotation);
+        object = scene_place(capsule->name, capsule->body,
+                             capsule->radius == 0.0 ? "box"
+                             : capsule->flat        ? "cylinder"
+                                                    : "capsule",
+                             capsule->position, capsule->rotation);
         json_object_set_new(object, "radius_m", control_number(capsule->radius));
         json_object_set_new(object, "length_m", control_number(capsule->length));
+        if (capsule->radius == 0.0) {
+            json_object_set_new(object, "half_extent_m", hello_numbers(capsule->half, 3));
+        }
         json_array_append_new(array, object);
     }
     return array;

@@ -1,53 +1,51 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes the mesh of a capsule: rings of vertices about the axis, and a vertex at each tip. */
+/* Makes the mesh of a capsule or cylinder: rings of vertices about the axis, and a vertex at each
+ * end of the axis. */
 #include "base/portable_math.h"
 #include "contact/mesh/mesh.h"
 
 #include <math.h>
 
 #define PI 3.14159265358979323846
-#define SIDES 16
-#define RINGS 4 /* rings per end, including its equator */
-#define VERTICES (2 * RINGS * SIDES + 2)
-#define FACES (2 * SIDES * (2 * RINGS - 1) + 2 * SIDES)
-#define BOTTOM (VERTICES - 2)
-#define TOP (VERTICES - 1)
+
+/* Numbers of sides, and of rings per end, including the equator of its half-sphere. */
+struct rings {
+    int sides, rings;
+};
 
 /* Computes the vertices: rings from the lowest to the highest; the equators of both ends are in
  * the middle. */
-static void capsule_place_vertices(double radius, double length, double (*vertex)[3])
+static void rings_place_vertices(const struct rings *r, double radius, double length,
+                                 double (*vertex)[3])
 {
     /* Radius at which the polygon has the area of the circle */
-    const double wide = radius * sqrt(2 * PI / (SIDES * portable_sin(2 * PI / SIDES)));
-    double around[SIDES][2];
+    const double wide = radius * sqrt(2 * PI / (r->sides * portable_sin(2 * PI / r->sides)));
+    const double tip = length / 2 + (r->rings > 1 ? wide : 0);
 
-    for (int i = 0; i < SIDES; i++) {
-        around[i][0] = portable_cos(2 * PI * i / SIDES);
-        around[i][1] = portable_sin(2 * PI * i / SIDES);
-    }
+    for (int i = 0; i < r->sides; i++) {
+        const double around[2] = {portable_cos(2 * PI * i / r->sides),
+                                  portable_sin(2 * PI * i / r->sides)};
 
-    /* Rings at equal angles from the equator of their end */
-    for (int ring = 0; ring < 2 * RINGS; ring++) {
-        int from_equator = ring < RINGS ? ring - (RINGS - 1) : ring - RINGS;
-        double angle = from_equator * PI / 2 / RINGS, out = wide * portable_cos(angle);
-        double z = wide * portable_sin(angle) + (ring < RINGS ? -length / 2 : length / 2);
+        /* Rings at equal angles from the equator of their end */
+        for (int ring = 0; ring < 2 * r->rings; ring++) {
+            int from_equator = ring < r->rings ? ring - (r->rings - 1) : ring - r->rings;
+            double angle = from_equator * PI / 2 / r->rings, out = wide * portable_cos(angle);
+            double *v = vertex[ring * r->sides + i];
 
-        for (int i = 0; i < SIDES; i++) {
-            double *v = vertex[ring * SIDES + i];
-
-            v[0] = out * around[i][0];
-            v[1] = out * around[i][1];
-            v[2] = z;
+            v[0] = out * around[0];
+            v[1] = out * around[1];
+            v[2] = wide * portable_sin(angle) + (ring < r->rings ? -length / 2 : length / 2);
         }
     }
+    vertex += 2 * r->rings * r->sides;
     for (int k = 0; k < 2; k++) {
-        vertex[BOTTOM][k] = vertex[TOP][k] = 0;
+        vertex[0][k] = vertex[1][k] = 0;
     }
-    vertex[BOTTOM][2] = -length / 2 - wide;
-    vertex[TOP][2] = length / 2 + wide;
+    vertex[0][2] = -tip;
+    vertex[1][2] = tip;
 }
 
-static size_t capsule_add_face(int (*face)[3], size_t n, int a, int b, int c)
+static size_t rings_add_face(int (*face)[3], size_t n, int a, int b, int c)
 {
     face[n][0] = a;
     face[n][1] = b;
@@ -56,39 +54,42 @@ static size_t capsule_add_face(int (*face)[3], size_t n, int a, int b, int c)
 }
 
 /* Writes the faces. */
-static void capsule_connect(int (*face)[3])
+static void rings_connect(const struct rings *r, int (*face)[3])
 {
-    const int last = (2 * RINGS - 1) * SIDES;
+    const int last = (2 * r->rings - 1) * r->sides, bottom = last + r->sides, top = bottom + 1;
     size_t n = 0;
 
-    for (int i = 0; i < SIDES; i++) {
-        int next = (i + 1) % SIDES;
+    for (int i = 0; i < r->sides; i++) {
+        int next = (i + 1) % r->sides;
 
-        n = capsule_add_face(face, n, BOTTOM, next, i);
-        for (int ring = 0; ring < 2 * RINGS - 1; ring++) {
-            int low = ring * SIDES, high = low + SIDES;
+        n = rings_add_face(face, n, bottom, next, i);
+        for (int ring = 0; ring < 2 * r->rings - 1; ring++) {
+            int low = ring * r->sides, high = low + r->sides;
 
-            n = capsule_add_face(face, n, low + i, low + next, high + next);
-            n = capsule_add_face(face, n, low + i, high + next, high + i);
+            n = rings_add_face(face, n, low + i, low + next, high + next);
+            n = rings_add_face(face, n, low + i, high + next, high + i);
         }
-        n = capsule_add_face(face, n, TOP, last + i, last + next);
+        n = rings_add_face(face, n, top, last + i, last + next);
     }
 }
 
-enum error_code mesh_capsule(double radius, double length, struct arena *arena,
+enum error_code mesh_capsule(double radius, double length, bool flat, struct arena *arena,
                              const struct mesh **mesh, struct error *error)
 {
+    const struct rings r = flat ? (struct rings){64, 1} : (struct rings){16, 4};
+    const size_t ring = (size_t)r.sides, rings = 2 * (size_t)r.rings;
     double(*vertex)[3];
     int(*face)[3];
-    struct mesh *capsule = mesh_alloc("capsule", VERTICES, FACES, arena, &vertex, &face, error);
+    struct mesh *capsule = mesh_alloc(flat ? "cylinder" : "capsule", rings * ring + 2,
+                                      2 * ring * rings, arena, &vertex, &face, error);
 
     if (!capsule) {
         return ERROR_MEMORY;
     }
 
     /* A shorter axis would give degenerate faces */
-    capsule_place_vertices(radius, fmax(length, 1e-3 * radius), vertex);
-    capsule_connect(face);
+    rings_place_vertices(&r, radius, fmax(length, 1e-3 * radius), vertex);
+    rings_connect(&r, face);
     *mesh = capsule;
     return ERROR_NONE;
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Contact of capsules and spheres with each other and with half-spaces in the native engine.
+ * Contact of capsules and spheres with each other, and of these and cylinders with half-spaces, in
+ * the native engine.
  * Integrals along an axis use Gauss-Legendre quadrature in a variable that removes the roots of the
  * integrand at the ends of its range.
  *
@@ -16,6 +17,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
 #define PI 3.14159265358979323846
 #define MEAN_LEVER (8.0 / 15) /* mean lever of a paraboloid of pressure, over its radius */
@@ -218,7 +220,9 @@ struct capsule_over_plane {
     /* unit direction in the slices that points downward; zero if the axis is vertical */
     double across[3];
     double sine, cosine;
-    double low; /* height of the lower end of the axis */
+    double low;      /* height of the lower end of the axis */
+    bool flat;       /* a cylinder */
+    double aside[3]; /* level unit direction in the slices; only for cylinders */
 };
 
 /* Computes a unit vector perpendicular to a unit vector. */
@@ -236,14 +240,17 @@ static void find_direction_across(const double n[3], double across[3])
     }
 }
 
-/* Adds the spring of a slice at a distance `along` (m) downward from the middle of the axis. */
+/* Adds the spring of a slice at a distance `along` (m) downward from the middle of the axis. A
+ * slice of a cylinder has two springs, apart by its mean width, so that friction brakes its spin.
+ * turned: turns them by 90 degrees. */
 static void capsule_add_slice(const struct capsule_over_plane *c, double along, double radius,
-                              double thickness, struct native_batch *b, struct native_sum *sum)
+                              double thickness, bool turned, struct native_batch *b,
+                              struct native_sum *sum)
 {
     const double height = c->low + (c->half - along) * c->sine; /* height of the slice's center */
     const bool upright = c->cosine <= UPRIGHT;
     double down = !upright ? height / c->cosine : height > 0 ? radius : -radius;
-    double chord = 0, area = PI * radius * radius, middle = 0, deep;
+    double chord = 0, area = PI * radius * radius, middle = 0, deep, aside = 0, to[3];
 
     /* Area of the slice below the plane: a segment of the disc, or the whole disc. middle: distance
      * of the segment's center from the disc's center */
@@ -259,19 +266,37 @@ static void capsule_add_slice(const struct capsule_over_plane *c, double along, 
     if (area * thickness <= 0 || deep <= 0) {
         return;
     }
+    memcpy(to, c->aside, sizeof to);
+    if (c->flat && chord > 0) {
+        aside =
+            (2.0 / 3 * radius * radius * radius - radius * radius * down + down * down * down / 3) /
+            area;
+    } else if (c->flat) {
+        aside = 2.0 / 3 * radius;
+        if (turned) {
+            vec3_cross(c->normal, c->aside, to);
+        }
+    }
 
     /* The point of action is above the capsule's side by the capsule's share of the depth, so it is
      * below the plane by the rest */
-    for (int k = 0; k < 3; k++) {
-        b->p[k][b->n] =
-            along * c->axis[k] + middle * c->across[k] + (c->share - 0.5) * deep * c->normal[k];
-        b->d[k][b->n] = c->normal[k];
+    const int count = c->flat ? 2 : 1;
+    const double end = upright && c->flat ? -area * thickness / c->low : 0;
+    const double rate =
+        upright ? c->stiffness * end : c->stiffness * 2 * chord * thickness / c->cosine;
+
+    for (int i = 0; i < count; i++) {
+        for (int k = 0; k < 3; k++) {
+            b->p[k][b->n] = along * c->axis[k] + middle * c->across[k] +
+                            (c->share - 0.5) * deep * c->normal[k] + (i ? -aside : aside) * to[k];
+            b->d[k][b->n] = c->normal[k];
+        }
+        b->force[b->n] = c->stiffness * area * thickness / count;
+        b->depth[b->n] = deep;
+        b->rate[b->n] = rate / count;
+        b->n++;
     }
-    b->force[b->n] = c->stiffness * area * thickness;
-    b->depth[b->n] = deep;
-    b->rate[b->n] = upright ? 0 : c->stiffness * 2 * chord * thickness / c->cosine;
-    b->n++;
-    sum->area += 2 * chord * thickness;
+    sum->area += 2 * chord * thickness + end;
 }
 
 /* Adds the slices of a half-sphere, by their angle from its equator to where it leaves the plane.
@@ -294,7 +319,26 @@ static void capsule_add_end(const struct capsule_over_plane *c, double side, str
         portable_sincos(piece_point[i] * last, &sine, &cosine);
         radius = c->radius * cosine;
         capsule_add_slice(c, side * (c->half + c->radius * sine), radius,
-                          piece_weight[i] * last * radius, b, sum);
+                          piece_weight[i] * last * radius, false, b, sum);
+    }
+}
+
+/* Adds the springs of a cylinder: of the part of its axis where the plane cuts the slices, then of
+ * the part where the slices are below the plane. */
+static void cylinder_add_springs(const struct capsule_over_plane *c, double rim,
+                                 struct native_batch *b, struct native_sum *sum)
+{
+    double cut[3] = {c->half - (rim - c->low) / (c->sine + DBL_MIN),
+                     c->half + (rim + c->low) / (c->sine + DBL_MIN), c->half};
+
+    for (int i = 0; i < 2; i++) {
+        cut[i] = fmin(fmax(cut[i], -c->half), c->half);
+    }
+    for (int i = 0; i < 2 * PIECE_POINTS; i++) {
+        const double from = cut[i / PIECE_POINTS], length = cut[i / PIECE_POINTS + 1] - from;
+
+        capsule_add_slice(c, from + piece_point[i % PIECE_POINTS] * length, c->radius,
+                          piece_weight[i % PIECE_POINTS] * length, i % 2, b, sum);
     }
 }
 
@@ -338,14 +382,11 @@ static void capsule_add_springs(struct capsule_over_plane *c, struct native_batc
     }
 
     /* The part of the side below the plane, and the ends that it reaches */
-    for (int k = 0; k < 2 && c->cosine > UPRIGHT; k++) {
-        c->across[k] = -c->normal[k] / c->cosine;
-    }
     from = c->half - (rim - c->low) / (c->sine + DBL_MIN);
     from = from > -c->half ? from : -c->half;
     for (int i = 0; i < PIECE_POINTS; i++) {
         capsule_add_slice(c, from + piece_point[i] * (c->half - from), c->radius,
-                          piece_weight[i] * (c->half - from), b, sum);
+                          piece_weight[i] * (c->half - from), false, b, sum);
     }
     capsule_add_end(c, 1, b, sum);
     if (from <= -c->half) {
@@ -365,16 +406,31 @@ void native_overlap_capsule_half_space(const struct native_overlap *o)
         .axis = {0, 0, R[8] > 0 ? -1 : 1},
         .sine = fabs(R[8]),
         .cosine = sqrt(R[2] * R[2] + R[5] * R[5]),
+        .flat = o->capsule[0].flat,
     };
 
-    /* Height of the lower end of the axis; a height of a radius or more has no contact */
+    /* Height of the lower end of the axis; a height of `reach` or more has no contact */
+    const double reach = o->capsule[0].flat ? c.radius * c.cosine : c.radius;
+
     c.low = -vec3_dot(c.normal, o->relative->p) - c.half * c.sine + o->from;
-    if (c.low >= c.radius) {
+    if (c.low >= reach) {
         return;
     }
-    native_make_room(o, 3 * PIECE_POINTS);
-    o->sum->depth = fmax(o->sum->depth, c.radius - c.low);
-    capsule_add_springs(&c, &o->scratch->batch, o->sum);
+    for (int k = 0; k < 2 && c.cosine > UPRIGHT; k++) {
+        c.across[k] = -c.normal[k] / c.cosine;
+    }
+    native_make_room(o, 4 * PIECE_POINTS);
+    o->sum->depth = fmax(o->sum->depth, reach - c.low);
+    if (c.flat) {
+        if (c.cosine > UPRIGHT) {
+            vec3_cross(c.axis, c.across, c.aside);
+        } else {
+            find_direction_across(c.axis, c.aside);
+        }
+        cylinder_add_springs(&c, reach, &o->scratch->batch, o->sum);
+    } else {
+        capsule_add_springs(&c, &o->scratch->batch, o->sum);
+    }
 }
 
 /* ---- spheres by Hertz's law (contact.h) ---- */

@@ -54,7 +54,7 @@ static struct native_law law_make(const struct contact_material *a,
 
 static bool shape_is_mesh(enum contact_shape shape)
 {
-    return shape == CONTACT_BOX || shape == CONTACT_MESH;
+    return shape == CONTACT_BOX || shape == CONTACT_MESH || shape == CONTACT_CYLINDER;
 }
 
 /* penetration over radius at which the area of a curved surface is computed */
@@ -78,8 +78,9 @@ static double surface_nominal_area(const struct contact_surface *given,
         return (double)INFINITY;
     case CONTACT_SPHERE:
     case CONTACT_CAPSULE:
+    case CONTACT_CYLINDER:
         width = given->radius_m * sqrt(8 * NOMINAL_DEPTH);
-        return width * (width + (given->shape == CONTACT_CAPSULE ? given->length_m : 0));
+        return width * (width + (given->shape == CONTACT_SPHERE ? 0 : given->length_m));
     default:
         break;
     }
@@ -118,16 +119,17 @@ static int shape_rank(enum contact_shape shape)
 }
 
 /* Returns the kind of a pair whose shapes are in the order of their ranks. meshes: kind of a pair
- * of two meshes. Against a mesh, a capsule is a mesh too: the visitor in a pressure field. */
+ * of two meshes. Against a mesh, a capsule is a mesh too: the visitor in a pressure field. A
+ * cylinder is a mesh except on a half-space. */
 static enum native_pair_kind pair_find_kind(enum contact_shape a, enum contact_shape b,
                                             enum native_pair_kind meshes)
 {
-    if (shape_is_mesh(a)) {
+    if (shape_is_mesh(a) && (a != CONTACT_CYLINDER || b != CONTACT_HALF_SPACE)) {
         return b == CONTACT_HALF_SPACE ? PAIR_MESH_HALF_SPACE
                : b == CONTACT_SPHERE   ? PAIR_MESH_SPHERE
                                        : meshes;
     }
-    if (a == CONTACT_CAPSULE) {
+    if (a == CONTACT_CAPSULE || a == CONTACT_CYLINDER) {
         return b == CONTACT_HALF_SPACE ? PAIR_CAPSULE_HALF_SPACE : PAIR_CAPSULES;
     }
     return b == CONTACT_SPHERE ? PAIR_HERTZ_SPHERES : PAIR_HERTZ_HALF_SPACE;
@@ -181,7 +183,7 @@ static bool surface_meets_mesh(const struct contact_config *config, size_t index
     return false;
 }
 
-/* Prepares the solid of a box, a mesh or a capsule, and its bounding volumes. */
+/* Prepares the solid of a box, mesh, capsule or cylinder, and its bounding volumes. */
 static enum error_code surface_make_solid(const struct contact_config *config, size_t index,
                                           struct arena *arena, struct native_surface *surface,
                                           struct error *error)
@@ -197,8 +199,9 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
         if (code != ERROR_NONE) {
             return code;
         }
-    } else if (given->shape == CONTACT_CAPSULE) {
-        code = mesh_capsule(given->radius_m, given->length_m, arena, &mesh, error);
+    } else if (given->shape != CONTACT_MESH) {
+        code = mesh_capsule(given->radius_m, given->length_m, given->shape == CONTACT_CYLINDER,
+                            arena, &mesh, error);
         if (code != ERROR_NONE) {
             return code;
         }
@@ -272,9 +275,11 @@ static enum error_code surface_make(const struct contact_config *config, size_t 
     memcpy(s->center, given->position, sizeof s->center);
 
     /* A sphere is a capsule of length 0, and its own bounding volume */
-    if (given->shape == CONTACT_SPHERE || given->shape == CONTACT_CAPSULE) {
+    if (given->shape == CONTACT_SPHERE || given->shape == CONTACT_CAPSULE ||
+        given->shape == CONTACT_CYLINDER) {
         s->capsule.radius = given->radius_m;
-        s->capsule.half = given->shape == CONTACT_CAPSULE ? given->length_m / 2 : 0;
+        s->capsule.half = given->shape == CONTACT_SPHERE ? 0 : given->length_m / 2;
+        s->capsule.flat = given->shape == CONTACT_CYLINDER;
         s->reach = s->capsule.radius + s->capsule.half;
         s->about.radius = s->capsule.radius;
         for (int k = 0; k < 3; k++) {

@@ -36,10 +36,11 @@ struct native_scratch {
     size_t visits;           /* pairs of facet and field cell examined in this evaluation */
 };
 
-/* A capsule, or a sphere as a capsule of length 0. */
+/* A capsule, a sphere as a capsule of length 0, or a cylinder. */
 struct native_capsule {
     double radius;
     double half; /* half length of its axis, which is the frame's z through its origin */
+    bool flat;   /* a cylinder: no half-spheres */
 };
 
 /* Returns a smooth step: 0 for x up to a, 1 from b on, a cubic between them. */
@@ -118,8 +119,8 @@ void native_overlap_meshes(const struct native_overlap *o);
  * capsule.c. */
 void native_overlap_hertz(const struct native_overlap *o);
 
-/* Capsule on half-space: slices across the axis, each a segment of a disc below the plane, with
- * springs along the plane's normal. capsule.c. */
+/* Capsule or cylinder on half-space: slices across the axis, each a segment of a disc below the
+ * plane, with springs along the plane's normal. capsule.c. */
 void native_overlap_capsule_half_space(const struct native_overlap *o);
 
 /* Two capsules, or capsule and sphere: springs from points of either axis along the shortest

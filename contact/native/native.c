@@ -145,7 +145,7 @@ void native_pair_find_force(const struct native_engine *e, const struct native_p
     const struct native_overlap overlap = {
         .solid = {a->solid, b->solid},
         .field = {a->field, b->field},
-        .capsule = {{a->capsule.radius - pair->slack / 2, a->capsule.half},
+        .capsule = {{a->capsule.radius - pair->slack / 2, a->capsule.half, a->capsule.flat},
                     {b->shape == CONTACT_HALF_SPACE ? HUGE_VAL
                                                     : b->capsule.radius - pair->slack / 2,
                      b->capsule.half}},

@@ -150,6 +150,7 @@ ContactGeometry surface_geometry(const struct contact_surface &s)
     case CONTACT_MESH:
         return mesh_geometry(*s.mesh);
     case CONTACT_CAPSULE: /* refused by the check of the configuration */
+    case CONTACT_CYLINDER:
         break;
     }
     throw std::logic_error("shape without a geometry");
@@ -506,11 +507,13 @@ enum error_code simbody_create(const struct contact_config *config, struct conta
                                struct error *error)
 {
     for (size_t i = 0; i < config->nsurface; i++) {
-        if (config->surface[i].shape == CONTACT_CAPSULE) {
+        const bool capsule = config->surface[i].shape == CONTACT_CAPSULE;
+
+        if (capsule || config->surface[i].shape == CONTACT_CYLINDER) {
             return error_set(error, ERROR_UNSUPPORTED,
-                             "contact surface '%s': found a capsule, which engine simbody does not "
+                             "contact surface '%s': found a %s, which engine simbody does not "
                              "have; expected engine native, or another shape",
-                             config->surface[i].name);
+                             config->surface[i].name, capsule ? "capsule" : "cylinder");
         }
     }
     if (config->friction != CONTACT_FRICTION_REGULARIZED) {

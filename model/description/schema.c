@@ -269,8 +269,10 @@ static const struct yaml_field capsule_fields[] = {
     YAML_TEXT("body", true, capsule_yaml, body, 1, 63),
     YAML_NUMBERS("xyz_m", true, capsule_yaml, capsule.position, 3, -1e3, 1e3),
     YAML_NUMBERS("rpy_rad", false, capsule_yaml, rpy, 3, -1e3, 1e3),
-    YAML_NUMBER("radius_m", true, capsule_yaml, capsule.radius, 1e-6, 1e3),
+    YAML_NUMBER("radius_m", false, capsule_yaml, capsule.radius, 1e-6, 1e3),
     YAML_NUMBER("length_m", false, capsule_yaml, capsule.length, 0.0, 1e3),
+    {"flat", YAML_BOOL, false, .offset = AT(capsule_yaml, capsule.flat)},
+    YAML_NUMBERS("half_extents_m", false, capsule_yaml, capsule.half, 3, 1e-6, 1e3),
 };
 static const struct yaml_schema capsule_schema =
     YAML_SCHEMA("a capsule", struct capsule_yaml, capsule_fields);

@@ -49,6 +49,10 @@ enum error_code robot_build_capsules(struct robot_builder *b)
     for (size_t i = 0; i < robot->ncapsule && !code; i++) {
         const struct capsule_yaml *given = &b->file.capsule[i];
 
+        if (yaml_has(&given->mark, "radius_m") == yaml_has(&given->mark, "half_extents_m")) {
+            return yaml_error(b->error, &given->mark,
+                              "found both or neither of radius_m and half_extents_m, expected one");
+        }
         robot->capsule[i] = given->capsule;
         code = find_key_body(b, &given->mark, given->body, &robot->capsule[i].body);
         mat3_from_rpy(given->rpy, robot->capsule[i].rotation);

@@ -141,8 +141,10 @@ static void put_surface(FILE *out, const struct contact_surface *surface)
 
     if (surface->shape == CONTACT_HALF_SPACE) {
         fputs("<geom type=\"plane\" size=\"0 0 1\" contype=\"1\" conaffinity=\"0\"", out);
-    } else if (surface->shape == CONTACT_CAPSULE && surface->length_m > 0.0) {
-        fputs("<geom type=\"capsule\" contype=\"0\" conaffinity=\"1\"", out);
+    } else if (surface->shape == CONTACT_CYLINDER ||
+               (surface->shape == CONTACT_CAPSULE && surface->length_m > 0.0)) {
+        fprintf(out, "<geom type=\"%s\" contype=\"0\" conaffinity=\"1\"",
+                surface->shape == CONTACT_CYLINDER ? "cylinder" : "capsule");
         put_numbers(out, "size", round, 2);
     } else if (surface->shape == CONTACT_CAPSULE || surface->shape == CONTACT_SPHERE) {
         fputs("<geom type=\"sphere\" contype=\"0\" conaffinity=\"1\"", out);

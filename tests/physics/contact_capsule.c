@@ -3,6 +3,7 @@
  * Capsules in the native contact engine, against closed forms, against the volume below a plane
  * summed over the plane, and against their own stored energy.
  */
+#include "base/array.h"
 #include "contact/contact.h"
 
 #include "tests/physics/contact_fixture.h"
@@ -21,18 +22,24 @@ static void lean(struct body_motion *motion, double angle)
     motion->R[7] = sin(angle);
 }
 
-static struct contact_world *capsule_on_ground(double radius, double length)
+static struct contact_world *round_on_ground(enum contact_shape shape, double radius, double length,
+                                             const struct contact_material *material)
 {
     static struct scene scene;
     struct contact_surface *s;
 
     scene_init(&scene, 1);
-    scene_add(&scene, -1, CONTACT_HALF_SPACE, &hard);
-    s = scene_add(&scene, 0, CONTACT_CAPSULE, &hard);
+    scene_add(&scene, -1, CONTACT_HALF_SPACE, material);
+    s = scene_add(&scene, 0, shape, material);
     s->radius_m = radius;
     s->length_m = length;
     scene_add_pair(&scene, 0, 1);
     return fixture_native(&scene);
+}
+
+static struct contact_world *capsule_on_ground(double radius, double length)
+{
+    return round_on_ground(CONTACT_CAPSULE, radius, length, &hard);
 }
 
 static struct contact_world *two_round(double radius[2], double length[2])
@@ -146,6 +153,84 @@ TEST(capsule_at_any_angle_pushes_with_k_times_the_volume_below_at_its_center)
                         2e-3 * force * R);
         }
     }
+}
+
+/* The volume of a cylinder below the plane and its moment about the middle of the axis, which is at
+ * a height and leans from the vertical: summed over strips along the axis. */
+static void cylinder_below(double radius, double length, double angle, double height,
+                           double *volume, double *moment)
+{
+    enum { STRIPS = 200000 };
+
+    *volume = *moment = 0;
+    for (int i = 0; i < STRIPS; i++) {
+        const double up = radius * (2 * (i + 0.5) / STRIPS - 1), above = height + up * sin(angle);
+        const double to = fmax(fmin(-above / (cos(angle) + 1e-300), length / 2), -length / 2);
+        const double part =
+            2 * sqrt(radius * radius - up * up) * 2 * radius / STRIPS * (to + length / 2);
+
+        *volume += part;
+        *moment -= part * ((to - length / 2) / 2 * sin(angle) - up * cos(angle));
+    }
+}
+
+/* Rolling and tipping wheels, a foot on its flat end, and a long one that leans */
+TEST(cylinder_at_any_angle_pushes_with_k_times_the_volume_below_at_its_center)
+{
+    static const double size[][2] = {{0.08, 0.03}, {0.05, 0.4}};
+    static const double angle[] = {0, 1e-3, 0.03, 0.2, 0.7, 1.2, 1.5, 1.57079, 1.5707963267948966};
+
+    for (size_t i = 0; i < ARRAY_COUNT(size) * ARRAY_COUNT(angle); i++) {
+        const double R = size[i % 2][0], L = size[i % 2][1], lean_by = angle[i / 2], h = 1e-6;
+        struct contact_world *world = round_on_ground(CONTACT_CYLINDER, R, L, &hard);
+        double force[3], moment[3], energy[3], volume, about;
+
+        for (int k = 0; k < 3; k++) {
+            /* Level, raised by h, and leaned less by h/R */
+            const double a = lean_by - (k == 2 ? h / R : 0);
+            const double height =
+                R * fabs(sin(lean_by)) + L / 2 * fabs(cos(lean_by)) - 6e-3 + (k == 1 ? h : 0);
+            struct body_motion motion;
+            struct contact_wrench wrench;
+            struct contact_patch patch;
+
+            scene_place(&motion, 0, 0, height);
+            motion.R[0] = motion.R[8] = cos(a);
+            motion.R[2] = sin(a);
+            motion.R[6] = -sin(a);
+            fixture_evaluate(world, &motion, &wrench);
+            assert_int_equal(world->ops->patches(world, &patch, 1), 1);
+            force[k] = wrench.force[2];
+            moment[k] = wrench.moment[1];
+            energy[k] = patch.potential_j;
+            cylinder_below(R, L, a, height, &volume, &about);
+            assert_near(wrench.force[2], stiffness * volume, 1e-4 * stiffness * volume);
+            assert_near(wrench.moment[1], stiffness * about, 1e-4 * stiffness * volume * R);
+            assert_near(vec3_norm((const double[3]){wrench.moment[0], wrench.moment[2], 0}), 0,
+                        1e-9 * force[k]);
+        }
+
+        /* What it pushes with is the slope of what it stores */
+        assert_near((energy[1] - energy[0]) / h, -(force[0] + force[1]) / 2, 1e-3 * force[0]);
+        assert_near((energy[0] - energy[2]) / (h / R), -(moment[0] + moment[2]) / 2,
+                    2e-3 * force[0] * R);
+    }
+}
+
+/* A disc that spins on its end: the mean lever of an even pressure is two thirds of the radius */
+TEST(friction_brakes_a_cylinder_that_spins_on_its_end)
+{
+    const struct contact_material rough = {1e6, 1e-2, 0, 0.5, 0.5, 0, 0};
+    const double R = 0.08;
+    struct contact_world *world = round_on_ground(CONTACT_CYLINDER, R, 0.03, &rough);
+    struct body_motion motion;
+    struct contact_wrench wrench;
+
+    scene_place(&motion, 0, 0, 0.015 - 1e-3);
+    motion.w[2] = 10;
+    fixture_evaluate(world, &motion, &wrench);
+    assert_near(wrench.moment[2], -0.5 * wrench.force[2] * R * 2 / 3, 1e-3 * wrench.force[2] * R);
+    assert_near(hypot(wrench.force[0], wrench.force[1]), 0, 1e-9 * wrench.force[2]);
 }
 
 /* ---- on each other ---- */

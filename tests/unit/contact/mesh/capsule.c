@@ -15,7 +15,7 @@ TEST(encloses_what_the_capsule_does)
         struct mesh_finding finding;
         double side = pi * R * R * length[i], ends = 4 * pi * R * R * R / 3;
 
-        assert_ok(mesh_capsule(R, length[i], &arena, &mesh, NULL));
+        assert_ok(mesh_capsule(R, length[i], false, &arena, &mesh, NULL));
         assert_int_equal(mesh->nface, 256);
         assert_ok(mesh_check(mesh, &finding, NULL));
         assert_int_equal(finding.fault, MESH_SOUND);
@@ -29,6 +29,27 @@ TEST(encloses_what_the_capsule_does)
     }
 }
 
+TEST(cylinder_has_the_volume_of_the_round_one)
+{
+    const double length[] = {0.01, 0.3}, R = 0.06, pi = 3.14159265358979323846;
+
+    for (int i = 0; i < 2; i++) {
+        const struct mesh *mesh;
+        struct mesh_finding finding;
+
+        assert_ok(mesh_capsule(R, length[i], true, &arena, &mesh, NULL));
+        assert_ok(mesh_check(mesh, &finding, NULL));
+        assert_int_equal(finding.fault, MESH_SOUND);
+        assert_near(mesh_volume(mesh), pi * R * R * length[i], 1e-12);
+        for (size_t v = 0; v < mesh->nvertex - 2; v++) {
+            const double *p = mesh->vertex[v];
+
+            assert_near(sqrt(p[0] * p[0] + p[1] * p[1]), R, 0.0009 * R);
+            assert_near(fabs(p[2]), length[i] / 2, 1e-15);
+        }
+    }
+}
+
 TEST(reports_an_arena_that_is_used_up)
 {
     struct arena small;
@@ -36,7 +57,7 @@ TEST(reports_an_arena_that_is_used_up)
     struct error error;
 
     assert_ok(arena_init(&small, 4096, &error));
-    assert_int_equal(mesh_capsule(1, 1, &small, &mesh, &error), ERROR_MEMORY);
+    assert_int_equal(mesh_capsule(1, 1, false, &small, &mesh, &error), ERROR_MEMORY);
     arena_fini(&small);
 }
 

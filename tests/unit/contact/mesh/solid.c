@@ -248,7 +248,7 @@ TEST(boxes_and_capsules_are_found_convex)
     const struct mesh *mesh[2];
 
     assert_ok(mesh_box(half, 4, &arena, &mesh[0], NULL));
-    assert_ok(mesh_capsule(0.05, 0.2, &arena, &mesh[1], NULL));
+    assert_ok(mesh_capsule(0.05, 0.2, false, &arena, &mesh[1], NULL));
     assert_true(make(mesh[0]).convex && make(mesh[1]).convex);
 }
 
