@@ -382,7 +382,7 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
     /* A hanging robot is clear of the ground; a standing robot's lowest point is on the ground */
     shaped = import_find_lowest(robot, robot->pose[pose].joint, bodies, &lowest);
     rig->height_m = (shaped ? -lowest : 1.0) + HANG_CLEARANCE_M;
-    if (robot->floating && like && shaped) {
+    if (robot->floating && (like || m->robot.rolls) && shaped) {
         rig->standing = rig->pose;
         rig->standing_height_m = -lowest;
     }
@@ -471,6 +471,7 @@ static enum error_code import_write_bench(struct importer *m)
     struct import_rig rig = {.robot = m->result->loaded,
                              .plan = &m->plan,
                              .supply_v = m->supply_v,
+                             .rolls = m->robot.rolls,
                              .drive_file = m->robot.drive_file};
     struct import_gains *gains = arena_alloc(m->arena, rig.robot->njoint + 1, sizeof *gains);
     enum error_code code;

@@ -9,6 +9,7 @@
 #include "canbus/frame.h"
 
 #include <errno.h>
+#include <float.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -318,4 +319,131 @@ double import_measure_mesh(const struct import_mesh *mesh, enum import_solid sol
         }
     }
     return own;
+}
+
+/* ---- convex hull ---- */
+
+#define HULL_STEPS_MAX 1000000000 /* comparisons of vertices, faces and edges */
+enum { HULL_SPARE = 16 };
+#define HULL_FLAT 1e-10 /* least height of a vertex above a face, over the mesh's size */
+
+/* Computes the height of a point above the plane of a face. */
+static double hull_height(const struct import_mesh *hull, const int face[3], const double point[3])
+{
+    const double *a = hull->vertex[face[0]];
+    double edge[2][3], normal[3], to[3];
+
+    vec3_sub(hull->vertex[face[1]], a, edge[0]);
+    vec3_sub(hull->vertex[face[2]], a, edge[1]);
+    vec3_cross(edge[0], edge[1], normal);
+    vec3_sub(point, a, to);
+    return vec3_dot(normal, to) / fmax(vec3_norm(normal), DBL_MIN);
+}
+
+/* Begins a hull with a tetrahedron of far vertices. Returns the mesh's size, 0 for a flat mesh. */
+static double hull_begin(struct import_mesh *hull)
+{
+    static const int side[4][3] = {{0, 1, 2}, {0, 3, 1}, {1, 3, 2}, {2, 3, 0}};
+    double far = 0.0, size = 0.0;
+    int corner[4] = {0};
+
+    /* Each corner is the vertex farthest from the corners before it, their line, or their plane */
+    for (int k = 1; k < 4; k++) {
+        far = 0.0;
+        for (size_t v = 0; v < hull->nvertex; v++) {
+            double to[3], along[3], across[3], height;
+
+            vec3_sub(hull->vertex[v], hull->vertex[corner[0]], to);
+            vec3_sub(hull->vertex[corner[1]], hull->vertex[corner[0]], along);
+            vec3_cross(along, to, across);
+            height = k == 1   ? vec3_norm(to)
+                     : k == 2 ? vec3_norm(across) / size
+                              : fabs(hull_height(hull, corner, hull->vertex[v]));
+            if (height > far) {
+                far = height;
+                corner[k] = (int)v;
+            }
+        }
+        size = k == 1 ? far : size;
+        if (!(far > HULL_FLAT * size)) {
+            return 0.0;
+        }
+    }
+    if (hull_height(hull, corner, hull->vertex[corner[3]]) > 0.0) {
+        const int first = corner[0];
+
+        corner[0] = corner[1];
+        corner[1] = first;
+    }
+    for (int f = 0; f < 4; f++) {
+        for (int c = 0; c < 3; c++) {
+            hull->face[f][c] = corner[side[f][c]];
+        }
+    }
+    hull->nface = 4;
+    return size;
+}
+
+/* Adds a vertex to a hull. The faces below the vertex give way to faces between their common border
+ * and the vertex. The removed faces are kept in `seen`. Returns false after too many steps. */
+static bool hull_add(struct import_mesh *hull, int vertex, double least, int (*seen)[3],
+                     size_t *steps)
+{
+    size_t kept = 0, nseen = 0;
+
+    for (size_t f = 0; f < hull->nface; f++) {
+        const bool below = hull_height(hull, hull->face[f], hull->vertex[vertex]) > least;
+
+        memcpy(below ? seen[nseen++] : hull->face[kept++], hull->face[f], sizeof *seen);
+    }
+    *steps += hull->nface + 9 * nseen * nseen;
+    if (*steps > HULL_STEPS_MAX || kept + 3 * nseen > 6 * hull->nvertex + HULL_SPARE) {
+        return false;
+    }
+    for (size_t e = 0; e < 3 * nseen; e++) {
+        const int from = seen[e / 3][e % 3], to = seen[e / 3][(e + 1) % 3];
+        bool border = true;
+
+        /* An edge of two removed faces is inside the border */
+        for (size_t k = 0; k < 3 * nseen && border; k++) {
+            border = seen[k / 3][k % 3] != to || seen[k / 3][(k + 1) % 3] != from;
+        }
+        if (border) {
+            memcpy(hull->face[kept++], (const int[3]){from, to, vertex}, sizeof *seen);
+        }
+    }
+    hull->nface = kept;
+    return true;
+}
+
+enum error_code import_make_hull(const struct import_mesh *mesh, struct arena *arena,
+                                 struct import_mesh *hull, struct error *error)
+{
+    const size_t n = mesh->nvertex, most = 6 * n + HULL_SPARE;
+    int(*seen)[3] = arena_alloc(arena, most, sizeof *seen);
+    size_t steps = 0;
+    double size;
+
+    *hull = *mesh;
+    hull->face = arena_alloc(arena, most, sizeof *hull->face);
+    if (!hull->face || !seen) {
+        return error_set(error, ERROR_MEMORY, "no memory for the hull of a mesh");
+    }
+    size = hull_begin(hull);
+    if (!(size > 0.0)) {
+        return error_set(error, ERROR_INPUT, "found a flat mesh, expected one with a volume");
+    }
+
+    /* Add the vertices in 64 rounds through the list, because neighbors in a file are close */
+    for (size_t i = 0; i < 64 * (n / 64 + 1); i++) {
+        const size_t vertex = i / (n / 64 + 1) + i % (n / 64 + 1) * 64;
+
+        if (vertex < n && !hull_add(hull, (int)vertex, HULL_FLAT * size, seen, &steps)) {
+            return error_set(error, ERROR_INPUT,
+                             "found a convex hull of %zu faces and more for %zu vertices, expected "
+                             "fewer: simplify the mesh",
+                             hull->nface, n);
+        }
+    }
+    return ERROR_NONE;
 }

@@ -54,7 +54,7 @@ static void solid_take_mesh(const struct import_reader *r, const struct import_g
                             struct geom_solid *solid)
 {
     struct arena scratch = {0};
-    struct import_mesh mesh;
+    struct import_mesh mesh, hull;
     struct error why = {.code = ERROR_NONE};
     char path[PATH_MAX];
 
@@ -67,7 +67,11 @@ static void solid_take_mesh(const struct import_reader *r, const struct import_g
                !arena_init(&scratch, IMPORT_MESH_ARENA, &why) &&
                !import_read_mesh(path, g->scale, &scratch, &mesh, &why)) {
         /* The mesh is only needed for its integrals, so free its memory immediately */
-        solid->volume = import_measure_mesh(&mesh, g->solid, solid->center, solid->I);
+        if (g->solid != IMPORT_SOLID_CONVEX) {
+            solid->volume = import_measure_mesh(&mesh, g->solid, solid->center, solid->I);
+        } else if (!import_make_hull(&mesh, &scratch, &hull, &why)) {
+            solid->volume = import_measure_mesh(&hull, IMPORT_SOLID_EXACT, solid->center, solid->I);
+        }
     }
     if (why.code) {
         import_error(r->error, g->file, g->line,
@@ -162,14 +166,14 @@ static void geom_read_mesh(const struct import_reader *r, const xmlNode *node,
     /* In MuJoCo 3, the mesh gives the method for its inertia */
     how = mjcf_attribute(r, mesh->node, NULL, "inertia");
     how = how ? how : r->exact_meshes ? "exact" : "";
-    g->solid = !strcmp(how, "exact")   ? IMPORT_SOLID_EXACT
-               : !strcmp(how, "shell") ? IMPORT_SOLID_SHELL
-                                       : IMPORT_SOLID_PYRAMIDS;
-    if (!strcmp(how, "convex")) {
-        reader_note(r, IMPORT_DOUBTED, mesh->node,
-                    "inertia \"convex\" of mesh \"%.63s\" is not computed: it weighs as a solid "
-                    "inside its surface",
-                    name);
+    g->solid = !strcmp(how, "exact")    ? IMPORT_SOLID_EXACT
+               : !strcmp(how, "shell")  ? IMPORT_SOLID_SHELL
+               : !strcmp(how, "convex") ? IMPORT_SOLID_CONVEX
+                                        : IMPORT_SOLID_PYRAMIDS;
+    if (g->solid == IMPORT_SOLID_CONVEX && mjcf_attribute(r, mesh->node, NULL, "maxhullvert")) {
+        xml_refuse(r->file, mesh->node,
+                   "found maxhullvert and inertia \"convex\" of a mesh, expected one of them: "
+                   "import computes the whole hull");
     }
     file = xml_attribute(mesh->node, "file");
     below = *r->meshdir != '\0' && file[0] != '/';

@@ -197,18 +197,6 @@ static bool axes_to_rotation(const double axes[6], double R[9])
     return isfinite(R[0] + R[4] + R[8]);
 }
 
-/* Computes the smallest rotation that turns the axis z into a direction, as MuJoCo does. Returns
- * false for a direction of length 0. */
-static bool z_to_rotation(const double z[3], double R[9])
-{
-    const double across = hypot(z[0], z[1]), least = 1e-10 * vec3_norm(z);
-    const double axis[3] = {across > least ? -z[1] / across : 1.0,
-                            across > least ? z[0] / across : 0.0, 0.0};
-
-    mat3_about_axis(axis, portable_atan2(across, z[2]), R);
-    return least > 0.0;
-}
-
 bool mjcf_read_frame(const struct import_reader *r, const xmlNode *node, struct import_place *place)
 {
     /* MuJoCo does not move <inertial> with a frame */
@@ -259,7 +247,7 @@ void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const c
         for (int m = 0; m < 3; m++) {
             place->xyz[m] = 0.5 * (value[m] + value[3 + m]);
         }
-        sound = z_to_rotation(along, place->R);
+        sound = import_turn_z(along, place->R);
     } else if (place_reals(r, node, childclass, "axisangle", 4, value)) {
         double length = vec3_norm(value);
         const double axis[3] = {value[0] / length, value[1] / length, value[2] / length};
@@ -273,7 +261,7 @@ void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const c
     } else if (place_reals(r, node, childclass, "xyaxes", 6, value)) {
         sound = axes_to_rotation(value, place->R);
     } else if (place_reals(r, node, childclass, "zaxis", 3, value)) {
-        sound = z_to_rotation(value, place->R);
+        sound = import_turn_z(value, place->R);
     } else if (mjcf_reals(r, node, childclass, "quat", 4, value)) {
         mat3_from_quaternion(value, place->R);
         sound = isfinite(place->R[0]);

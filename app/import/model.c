@@ -104,6 +104,16 @@ void import_rpy(const double R[9], double rpy[3])
     rpy[2] = portable_atan2(sr * R[2] - cr * R[1], cr * R[4] - sr * R[5]);
 }
 
+bool import_turn_z(const double z[3], double R[9])
+{
+    const double across = hypot(z[0], z[1]), least = 1e-10 * vec3_norm(z);
+    const double axis[3] = {across > least ? -z[1] / across : 1.0,
+                            across > least ? z[0] / across : 0.0, 0.0};
+
+    mat3_about_axis(axis, portable_atan2(across, z[2]), R);
+    return least > 0.0;
+}
+
 /* ---- names ---- */
 
 int import_find_link(const struct import_model *model, const char *name)

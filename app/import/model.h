@@ -42,10 +42,15 @@ enum import_shape {
     IMPORT_MESH
 };
 
-/* A shape for collision, for visuals, or for both. */
-/* How a mesh gives mass and inertia, see import_measure_mesh. */
-enum import_solid { IMPORT_SOLID_PYRAMIDS, IMPORT_SOLID_EXACT, IMPORT_SOLID_SHELL };
+/* How a mesh gives mass and inertia, see import_measure_mesh. Convex: by its hull. */
+enum import_solid {
+    IMPORT_SOLID_PYRAMIDS,
+    IMPORT_SOLID_EXACT,
+    IMPORT_SOLID_SHELL,
+    IMPORT_SOLID_CONVEX
+};
 
+/* A shape for collision, for visuals, or for both. */
 struct import_geometry {
     const char *file;
     int line;
@@ -187,6 +192,10 @@ void import_place_identity(struct import_place *place);
 /* Computes fixed-axis roll, pitch and yaw of a rotation, rad. It is accurate also near a pitch of
  * 90 degrees. */
 void import_rpy(const double R[9], double rpy[3]);
+
+/* Computes the smallest rotation that turns the axis z into a direction, as MuJoCo does. Returns
+ * false for a direction of length 0. */
+bool import_turn_z(const double z[3], double R[9]);
 
 /* Return the index of the link or joint with this name, or -1. */
 int import_find_link(const struct import_model *model, const char *name);

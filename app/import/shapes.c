@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Fits capsules to collision shapes. */
+/* Fits capsules and cylinders to collision shapes. */
 #include "app/import/shapes.h"
 
 #include "base/text.h"
@@ -13,7 +13,15 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { SIZE_DOUBT = 20 }; /* larger shapes, in joint distances, may be a mistake */
+enum {
+    SIZE_DOUBT = 20, /* larger shapes, in joint distances, may be a mistake */
+    SECTORS = 12,    /* sectors about a wheel's axis, each of which must have rim */
+};
+
+/* Distances from the axis over the largest: smallest of a rim, and of the tread that gives the
+ * width of a wheel. */
+#define RIM 0.95
+#define TREAD 0.9
 
 void import_place_shape(const struct import_builder *b, const struct import_geometry *shape,
                         const struct import_place *own, double position[3], double rotation[9])
@@ -50,11 +58,12 @@ static void axis_to_rotation(int m, double R[9])
     memcpy(R, column[m], sizeof column[m]);
 }
 
-/* Fits the enclosing capsule of points along the longest side of their bounding box. */
+/* Fits the enclosing capsule of points along the longest side of their bounding box. On the base,
+ * which is rarely round, fits the box if its volume is smaller. */
 static void capsule_hold_points(const double (*point)[3], size_t count,
                                 struct robot_capsule *capsule)
 {
-    double low[3], high[3], middle[3], radius = 0.0, half = 0.0;
+    double low[3], high[3], middle[3], side[3], radius = 0.0, half = 0.0;
     int along = 0;
 
     memcpy(low, point[0], sizeof low);
@@ -93,6 +102,68 @@ static void capsule_hold_points(const double (*point)[3], size_t count,
     axis_to_rotation(along, capsule->rotation);
     capsule->radius = fmax(radius, 1e-6);
     capsule->length = 2.0 * half;
+
+    /* The box */
+    for (int m = 0; m < 3; m++) {
+        side[m] = fmax(0.5 * (high[m] - low[m]), 1e-6);
+    }
+    if (capsule->body == 0 && 8.0 * side[0] * side[1] * side[2] <
+                                  M_PI * radius * radius * (capsule->length + 4.0 / 3.0 * radius)) {
+        memcpy(capsule->half, side, sizeof side);
+        mat3_identity(capsule->rotation);
+        capsule->radius = capsule->length = 0.0;
+    }
+}
+
+/* Fits a cylinder to the points of a wheel: what a continuous joint turns, if all sectors about the
+ * joint's axis reach equally far. Returns false for other shapes. */
+static bool cylinder_hold_wheel(const struct import_builder *b, const struct import_geometry *shape,
+                                const double (*point)[3], size_t count,
+                                struct robot_capsule *capsule)
+{
+    const size_t j = (size_t)capsule->body - 1;
+    double axis[3], middle[3], rim[SECTORS] = {0}, far = 0.0, low = INFINITY, high = -INFINITY;
+    double *R = capsule->rotation;
+    struct import_place place;
+
+    if (capsule->body == 0 || b->from->source[j]->type != IMPORT_CONTINUOUS) {
+        return false;
+    }
+
+    /* The joint's axis in the frame of the shape: two directions across it, and one along it */
+    import_place_compose(&b->from->place[shape->link], &shape->place, &place);
+    mat3_apply_transposed(place.R, b->from->robot->joint[j].axis, axis);
+    mat3_apply_transposed(place.R, place.xyz, middle);
+    import_turn_z(axis, R);
+
+    /* First pass: find the rim. Second pass: find the width of the tread */
+    for (size_t i = 0; i < 2 * count; i++) {
+        double d[3], at[3], across;
+
+        vec3_add_scaled(point[i % count], 1.0, middle, d);
+        mat3_apply_transposed(R, d, at);
+        across = hypot(at[0], at[1]);
+        if (i < count) {
+            const int sector = (int)((atan2(at[1], at[0]) / (2.0 * M_PI) + 0.5) * SECTORS);
+
+            far = fmax(far, across);
+            rim[sector % SECTORS] = fmax(rim[sector % SECTORS], across);
+        } else if (across >= TREAD * far) {
+            low = fmin(low, at[2]);
+            high = fmax(high, at[2]);
+        }
+    }
+    for (int i = 0; i < SECTORS; i++) {
+        if (rim[i] < RIM * far) {
+            return false;
+        }
+    }
+    vec3_add_scaled((const double[3]){0}, -1.0, middle, middle);
+    vec3_add_scaled(middle, 0.5 * (low + high), axis, capsule->position);
+    capsule->radius = fmax(far, 1e-6);
+    capsule->length = high - low;
+    capsule->flat = true;
+    return true;
 }
 
 /* ---- meshes ---- */
@@ -134,7 +205,11 @@ static bool shape_fit_mesh(const struct import_builder *b, const struct import_g
     }
 
     /* Keep the surface as an OBJ file for scenes that use it */
-    capsule_hold_points((const double(*)[3])mesh.vertex, mesh.nvertex, capsule);
+    const double(*point)[3] = (const double(*)[3])mesh.vertex;
+
+    if (!cylinder_hold_wheel(b, shape, point, mesh.nvertex, capsule)) {
+        capsule_hold_points(point, mesh.nvertex, capsule);
+    }
     snprintf(path, sizeof path, "%s/%s.obj", b->folder, capsule->name);
     if (import_write_mesh(&mesh, path, &why)) {
         import_note_add(b->notes, IMPORT_DROPPED, shape->file, shape->line, "%.400s", why.text);
@@ -142,8 +217,11 @@ static bool shape_fit_mesh(const struct import_builder *b, const struct import_g
         ++*b->written;
         import_note_add(b->notes, IMPORT_SHAPED, shape->file, shape->line,
                         "collision mesh \"%.150s\" is meshes/%s.obj (%zu faces, %s), and the "
-                        "capsule that holds it",
-                        shape->mesh, capsule->name, mesh.nface, mesh_judge(&mesh));
+                        "%s that holds it",
+                        shape->mesh, capsule->name, mesh.nface, mesh_judge(&mesh),
+                        capsule->flat            ? "wheel"
+                        : capsule->radius == 0.0 ? "box"
+                                                 : "capsule");
         fitted = true;
     }
     arena_fini(&scratch);
@@ -152,27 +230,20 @@ static bool shape_fit_mesh(const struct import_builder *b, const struct import_g
 
 /* ---- the whole ---- */
 
-/* Fits a capsule to a shape, in the shape's frame, and adds a note if it is inexact. Boxes,
- * ellipsoids and meshes get an enclosing capsule; a cylinder gets one of the same radius and
- * overall length. Returns false if there is no capsule. */
+/* Fits a capsule to a shape, in the shape's frame, and adds a note if it is inexact. Ellipsoids
+ * get an enclosing capsule, meshes a capsule or box, wheels of meshes a cylinder. Returns false if
+ * there is none. */
 static bool shape_fit(const struct import_builder *b, const struct import_geometry *shape,
                       struct robot_capsule *capsule)
 {
-    double corner[8][3];
     int along;
 
     switch (shape->shape) {
     case IMPORT_MESH:
         return b->folder && shape_fit_mesh(b, shape, capsule);
     case IMPORT_BOX:
-        for (int c = 0; c < 8; c++) {
-            for (int m = 0; m < 3; m++) {
-                corner[c][m] = c & 1 << m ? shape->half[m] : -shape->half[m];
-            }
-        }
-        capsule_hold_points(corner, 8, capsule);
-        import_shape_note(b, shape, IMPORT_SHAPED, "collision box",
-                          " is the capsule that holds it");
+        mat3_identity(capsule->rotation);
+        memcpy(capsule->half, shape->half, sizeof capsule->half);
         return true;
     case IMPORT_ELLIPSOID:
         /* Fit a capsule along the longest semi-axis, with the second longest as radius. It encloses
@@ -192,12 +263,7 @@ static bool shape_fit(const struct import_builder *b, const struct import_geomet
         capsule->length = shape->length;
         break;
     }
-    if (shape->shape == IMPORT_CYLINDER) {
-        capsule->length = fmax(shape->length - 2.0 * shape->radius, 0.0);
-        import_shape_note(
-            b, shape, IMPORT_SHAPED, "collision cylinder", " has round ends%s",
-            shape->length < 2.0 * shape->radius ? ", and is a sphere: it is wider than long" : "");
-    }
+    capsule->flat = shape->shape == IMPORT_CYLINDER;
     return true;
 }
 
@@ -219,7 +285,10 @@ static enum error_code shape_add(const struct import_builder *b,
     if (shape_fit(b, shape, &capsule)) {
         /* Add a note if the capsule is much larger than the largest distance of a joint from its
          * parent link, for example a mesh in mm without a scale */
-        const double length = capsule.length + 2.0 * capsule.radius;
+        const double length =
+            capsule.length +
+            2.0 *
+                fmax(capsule.radius, fmax(capsule.half[0], fmax(capsule.half[1], capsule.half[2])));
         double reach = 0.0;
 
         for (size_t i = 0; i < b->from->model->njoint; i++) {
@@ -283,7 +352,14 @@ enum error_code import_add_shapes(const struct import_builder *b)
 double import_capsule_bottom(const struct robot_capsule *capsule, const struct body_motion *bodies)
 {
     const struct body_motion *body = &bodies[capsule->body];
-    double end[3], world[3], bottom = INFINITY;
+    double end[3], world[3], reach = capsule->radius, turn[9], bottom = INFINITY;
+
+    /* What a disc or a box reaches down; its vertical is the last row of the rotation */
+    mat3_mul(body->R, capsule->rotation, turn);
+    reach *= capsule->flat ? hypot(turn[6], turn[7]) : 1.0;
+    for (int m = 0; m < 3 && capsule->radius == 0.0; m++) {
+        reach += fabs(turn[6 + m]) * capsule->half[m];
+    }
 
     for (int side = -1; side <= 1; side += 2) {
         for (int m = 0; m < 3; m++) {
@@ -291,7 +367,7 @@ double import_capsule_bottom(const struct robot_capsule *capsule, const struct b
                 capsule->position[m] + 0.5 * side * capsule->length * capsule->rotation[3 * m + 2];
         }
         mat3_apply(body->R, end, world);
-        bottom = fmin(bottom, body->p[2] + world[2] - capsule->radius);
+        bottom = fmin(bottom, body->p[2] + world[2] - reach);
     }
     return bottom;
 }

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Fits capsules, the only collision shapes in a robot file. Spheres and capsules are exact. A
- * cylinder becomes a capsule of the same radius and, if it is long enough, of the same total
- * length. A box or mesh becomes the enclosing capsule along its longest side. Each inexact shape
- * adds a note. Meshes are also written as OBJ, in the frame of their shape, for scenes that use the
- * true surface. Not RT-safe.
+ * Fits the collision shapes of a robot file. Spheres, capsules, cylinders and boxes are exact. A
+ * mesh that is a wheel becomes a cylinder about its joint's axis. Another mesh becomes the
+ * enclosing capsule along its longest side; on the base the enclosing box, if that is smaller. Each
+ * inexact shape adds a note. Meshes are also written as OBJ, in the frame of their shape, for
+ * scenes that use the true surface. Not RT-safe.
  */
 #ifndef APP_IMPORT_SHAPES_H
 #define APP_IMPORT_SHAPES_H

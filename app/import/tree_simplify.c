@@ -303,9 +303,11 @@ static void simplify_sum_inertias(struct simplifier *r)
 
 /* ---- the base ---- */
 
-/* Counts the limbs on the base that have two joints or more. */
-static size_t robot_count_limbs(const struct robot *robot)
+/* Counts the limbs on the base that have two joints or more. Wheels: counts those that begin with
+ * a continuous joint. */
+static size_t robot_count_limbs(const struct import_robot *out, bool wheels)
 {
+    const struct robot *robot = out->robot;
     size_t limbs = 0;
 
     for (size_t b = 1; b < robot->nbody; b++) {
@@ -324,7 +326,7 @@ static size_t robot_count_limbs(const struct robot *robot)
             }
             joints += up == (int)b;
         }
-        limbs += joints >= 2;
+        limbs += wheels ? out->source[b - 1]->type == IMPORT_CONTINUOUS : joints >= 2;
     }
     return limbs;
 }
@@ -338,6 +340,7 @@ static void simplify_choose_base(struct simplifier *r)
     struct robot *robot = r->out->robot;
     const char *why = NULL;
 
+    r->out->rolls = robot_count_limbs(r->out, true) >= 2;
     /* The user or the files decide */
     if (r->options->base != IMPORT_BASE_GUESS) {
         robot->floating = r->options->base == IMPORT_BASE_FLOATING;
@@ -352,13 +355,15 @@ static void simplify_choose_base(struct simplifier *r)
         return;
     }
 
-    /* Otherwise guess, and add a note: a base with two limbs or more floats */
+    /* Otherwise guess, and add a note: a base with two limbs or wheels or more floats */
     if (!strcmp(root->name, "world") || robot->body[0].inertia.mass <= NO_MASS_KG) {
         robot->floating = false;
         why = "the root has no mass or is the world";
     } else {
-        robot->floating = robot_count_limbs(robot) >= 2;
-        why = robot->floating ? "two limbs or more hang on it" : "one limb at most hangs on it";
+        robot->floating = r->out->rolls || robot_count_limbs(r->out, false) >= 2;
+        why = r->out->rolls     ? "two wheels or more hang on it"
+              : robot->floating ? "two limbs or more hang on it"
+                                : "one limb at most hangs on it";
     }
     import_note_add(r->notes, IMPORT_ASSUMED, root->file, root->line,
                     "the base \"%.63s\" %s (%s); --base says otherwise", root->name,

@@ -518,27 +518,6 @@ static void urdf_read_transmission(const struct import_reader *r, const xmlNode 
     r->model->joint[at].gear = ratio > 0 ? ratio : r->model->joint[at].gear;
 }
 
-/* Reads the sensors in a <gazebo> element. Adds a note that other content is dropped. */
-static void urdf_read_gazebo(const struct import_reader *r, const xmlNode *node)
-{
-    const char *reference = xml_attribute(node, "reference");
-    char dropped[200] = "";
-    size_t used = 0;
-
-    for (const xmlNode *child = xml_child(node, NULL); child; child = xml_next(child, NULL)) {
-        if (xml_is(child, "sensor")) {
-            urdf_read_sensor(r, child, reference);
-        } else if (used < sizeof dropped) {
-            used += (size_t)snprintf(dropped + used, sizeof dropped - used, "%s%.40s",
-                                     used ? ", " : "", (const char *)child->name);
-        }
-    }
-    if (used) {
-        reader_note(r, IMPORT_DROPPED, node, "gazebo tags of \"%.63s\": %s",
-                    reference ? reference : "the robot", dropped);
-    }
-}
-
 /* Reads links and joints first, then the elements that refer to them. */
 static void urdf_read_elements(const struct import_reader *r)
 {
@@ -571,7 +550,10 @@ static void urdf_read_elements(const struct import_reader *r)
         if (xml_is(node, "transmission")) {
             urdf_read_transmission(r, node);
         } else if (xml_is(node, "gazebo")) {
-            urdf_read_gazebo(r, node);
+            for (const xmlNode *sensor = xml_child(node, "sensor"); sensor;
+                 sensor = xml_next(sensor, "sensor")) {
+                urdf_read_sensor(r, sensor, xml_attribute(node, "reference"));
+            }
         } else if (xml_is(node, "sensor")) {
             urdf_read_sensor(r, node, NULL);
         }
@@ -588,19 +570,30 @@ static const struct reader_row urdf_attributes[] = {
     {"inertia", "ixx ixy ixz iyy iyz izz"},
     {"visual", ""},
     {"collision", ""},
-    {"geometry", NULL},
+    {"geometry", ""},
+    {"box", "size"},
+    {"sphere", "radius"},
+    {"cylinder", "radius length"},
+    {"capsule", "radius length"},
+    {"mesh", "filename scale"},
     {"material", ""},
     {"color", "rgba"},
     {"joint", "type"},
-    {"parent", "link"},
+    {"parent", "link joint"},
     {"child", "link"},
     {"axis", "xyz"},
     {"limit", "lower upper effort velocity"},
     {"dynamics", "damping friction"},
     {"mimic", "joint multiplier offset"},
-    {"transmission", NULL},
-    {"gazebo", NULL},
-    {"sensor", NULL},
+    {"transmission", ""},
+    {"actuator", ""},
+    {"mechanicalReduction", ""},
+    {"gazebo", "reference"},
+    {"sensor", "type"},
+    {"pose", ""},
+    {"force_torque", ""},
+    {"frame", ""},
+    {"measure_direction", ""},
     {"group", NULL},
     {"version", NULL},
     {0},

@@ -285,9 +285,10 @@ enum error_code import_write_standing(const struct import_rig *rig, const char *
             robot->name, robot->name, rig->standing, rig->standing_height_m);
 
     /* Write the materials of ground and robot. Their stiffness is proportional to the weight, so
-     * that the layers deflect by some tenths of a millimeter under the whole weight. */
+     * that the layers deflect by some tenths of a millimeter under the whole weight. Wheels touch
+     * along a line, so a robot that rolls has stiffer ones. */
     static const char *const name[] = {"ground", "shell"};
-    double young = 1e5 * fmax(robot->total_mass / 30.0, 0.05);
+    double young = (rig->rolls ? 5e5 : 1e5) * fmax(robot->total_mass / 30.0, 0.05);
 
     fputs("  materials:\n", file.out);
     for (int i = 0; i < 2; i++) {

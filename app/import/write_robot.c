@@ -109,12 +109,12 @@ static void write_drive(FILE *out, const struct robot_joint *joint, const char *
         fprintf(out, "    drive: \"%s\"\n", file);
     } else if (sea->present) {
         fprintf(out,
-                "    drive:\n      J_kg_m2: %.6g\n      Dm_nm_s_rad: %.6g\n      Ks_nm_rad: %.6g\n"
-                "      Ds_nm_s_rad: %.6g\n      N: %.6g\n      NKt_nm_a: %.6g\n"
-                "      NKw_v_s_rad: %.6g\n      R_ohm: %.6g\n      L_h: %.6g\n",
+                "    drive:\n      J_kg_m2: %.9g\n      Dm_nm_s_rad: %.9g\n      Ks_nm_rad: %.9g\n"
+                "      Ds_nm_s_rad: %.9g\n      N: %.9g\n      NKt_nm_a: %.9g\n"
+                "      NKw_v_s_rad: %.9g\n      R_ohm: %.9g\n      L_h: %.9g\n",
                 sea->J, sea->Dm, sea->Ks, sea->Ds, sea->N, sea->Kt, sea->Kw, sea->R, sea->L);
         if (friction > 0.0) {
-            fprintf(out, "      coulomb_nm: %.6g\n", friction);
+            fprintf(out, "      coulomb_nm: %.9g\n", friction);
         }
     }
 }
@@ -129,12 +129,13 @@ static void write_joint(FILE *out, const struct import_robot *from, size_t j)
 
     fprintf(out,
             "  - name: \"%s\"\n    type: %s\n    parent: \"%s\"\n    child: \"%s\"\n    axis: %s\n"
-            "    origin: {%s}\n    limits: {lower_%s: %s, upper_%s: %s, %s: %.6g}\n",
+            "    origin: {%s}\n    limits: {lower_%s: %s, upper_%s: %s, %s: %s}\n",
             joint->name, turns ? "revolute" : "prismatic",
             robot->body[robot->body[j + 1].parent].name, robot->body[j + 1].name,
             write_list(joint->axis, 3).text, write_pose(joint->rotation, joint->origin).text,
             turns ? "rad" : "m", write_real(joint->lower).text, turns ? "rad" : "m",
-            write_real(joint->upper).text, turns ? "torque_nm" : "force_n", joint->torque_limit);
+            write_real(joint->upper).text, turns ? "torque_nm" : "force_n",
+            write_real(joint->torque_limit).text);
 
     /* A joint without limits has no stops */
     if (from->source[j]->type == IMPORT_CONTINUOUS) {
@@ -183,10 +184,15 @@ static void write_frames(FILE *out, const struct robot *robot)
     for (size_t c = 0; c < robot->ncapsule; c++) {
         const struct robot_capsule *capsule = &robot->capsule[c];
 
-        fprintf(out, "  - {name: \"%s\", body: \"%s\", %s, radius_m: %.9g, length_m: %.9g}\n",
-                capsule->name, robot->body[capsule->body].name,
-                write_pose(capsule->rotation, capsule->position).text, capsule->radius,
-                capsule->length);
+        fprintf(out, "  - {name: \"%s\", body: \"%s\", %s, ", capsule->name,
+                robot->body[capsule->body].name,
+                write_pose(capsule->rotation, capsule->position).text);
+        if (capsule->radius == 0.0) {
+            fprintf(out, "half_extents_m: %s}\n", write_list(capsule->half, 3).text);
+        } else {
+            fprintf(out, "radius_m: %s, length_m: %s%s}\n", write_real(capsule->radius).text,
+                    write_real(capsule->length).text, capsule->flat ? ", flat: true" : "");
+        }
     }
 }
 

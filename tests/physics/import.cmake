@@ -8,6 +8,10 @@ if(MUJOCO_LIBRARY AND MUJOCO_INCLUDE)
     target_include_directories(test_import_mujoco SYSTEM PRIVATE ${MUJOCO_INCLUDE})
 endif()
 
+# Wheeled robots drive
+hil_test(wheels SOURCES physics/wheels.c LIBS import sim PkgConfig::LIBXML2 TIMEOUT 120
+         LABELS physics)
+
 # The importer beside MuJoCo 3 of npm, with files that a generator writes
 if(NOT HIL_SANITIZE)
     add_executable(test_import_dump physics/import_dump.c)

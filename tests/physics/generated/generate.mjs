@@ -275,13 +275,14 @@ class Mjcf {
   assets() {
     const d = this.d
     this.mesh = []
+    this.hulls = []
     if (!d.chance(0.35) && this.refused !== 'refpos' && this.refused !== 'fitted shape') {
       return
     }
     this.note('mesh')
     this.w.open('asset')
     for (const name of ['convex', 'notched']) {
-      const how = this.d.of([undefined, 'exact', 'exact', 'legacy', 'shell'])
+      const how = this.d.of([undefined, 'exact', 'convex', 'convex', 'legacy', 'shell'])
       if (how) {
         this.note(`mesh inertia ${how}`)
       }
@@ -292,9 +293,12 @@ class Mjcf {
         scale: this.some(0.5, 'scale of a mesh', () => [d.real(0.5, 1.5), d.real(0.5, 1.5), d.real(0.5, 1.5)]),
         inertia: how,
         refpos: this.refused === 'refpos' ? [0.1, 0, 0] : undefined,
-        ...this.unread({ maxhullvert: 20, smoothnormal: 'true' }),
+        ...this.unread({ maxhullvert: how === 'convex' ? undefined : 20, smoothnormal: 'true' }),
       })
       this.mesh.push(own ?? name)
+      if (how === 'convex') {
+        this.hulls.push(own ?? name)
+      }
     }
     if (d.chance(0.5)) {
       this.w.leaf('texture', { name: 't', type: '2d', builtin: 'flat', width: 8, height: 8 })
@@ -523,7 +527,7 @@ class Mjcf {
       this.w.leaf('joint', { name: 'last', axis: [0, 1, 0], range: this.degrees ? [-60, 60] : [-1, 1], limited: 'true' })
       this.joints.push({ name: 'last', type: 'hinge' })
       this.w.leaf('inertial', { pos: [0.1, 0, 0], mass: 1, diaginertia: [0.02, 0.02, 0.02] })
-      this.w.leaf('geom', { type: 'sphere', size: [0.05], mass: 1 })
+      this.w.leaf('geom', { name: 'tip', type: 'sphere', size: [0.05], mass: 1 })
       this.w.shut('body')
       if (this.refused === 'composite') {
         this.w.leaf('composite', { type: 'grid', count: [2, 2, 1], spacing: 0.1 })
@@ -534,7 +538,12 @@ class Mjcf {
       this.joint('free')
     }
     this.w.leaf('inertial', { pos: [0, 0, 0.1], mass: 2, diaginertia: [0.03, 0.04, 0.05] })
-    this.w.leaf('geom', { type: 'box', size: [0.1, 0.1, 0.1], mass: 2 })
+    this.pair = this.some(0.2, 'pair', () => 'hull')
+    this.w.leaf('geom', { name: this.pair, type: 'box', size: [0.1, 0.1, 0.1], mass: 2 })
+    // MuJoCo has no hull of a mesh without a geom
+    for (const mesh of this.hulls) {
+      this.w.leaf('geom', { type: 'mesh', mesh, mass: 0.3 })
+    }
     if (this.refused === 'refpos' || this.refused === 'fitted shape') {
       this.w.leaf('geom', { type: this.refused === 'refpos' ? 'mesh' : 'box', mesh: this.mesh[0], mass: 1 })
     }
@@ -652,8 +661,20 @@ class Mjcf {
     if (d.chance(0.5)) {
       this.w.leaf('jointpos', { joint: 'last' })
     }
-    if (d.chance(0.2)) {
-      this.w.leaf('force', { site: this.sites[0] })
+    for (const kind of ['force', 'torque', 'touch', 'velocimeter', 'magnetometer', 'rangefinder']) {
+      if (d.chance(0.1)) {
+        this.w.leaf(kind, { site: d.of(this.sites) })
+      }
+    }
+    for (const kind of ['jointvel', 'jointlimitpos']) {
+      if (d.chance(0.1)) {
+        this.w.leaf(kind, { joint: 'last' })
+      }
+    }
+    if (d.chance(0.1)) {
+      this.w.leaf('framequat', { objtype: 'site', objname: d.of(this.sites) })
+      this.w.leaf('subtreecom', { body: 'trunk' })
+      this.w.leaf('clock')
     }
     this.w.shut('sensor')
   }
@@ -691,12 +712,24 @@ class Mjcf {
       this.w.leaf('headlight', { ambient: [0.1, 0.1, 0.1] })
       this.w.shut('visual')
     }
+    if (d.chance(0.1)) {
+      this.w.leaf('size', { memory: '2M' })
+    }
+    if (d.chance(0.1)) {
+      this.w.open('custom')
+      this.w.leaf('numeric', { name: 'gain', data: [1, 2] })
+      this.w.leaf('text', { name: 'by', data: 'dice' })
+      this.w.shut('custom')
+    }
     this.defaults()
     this.assets()
     this.world()
     if (d.chance(0.15)) {
       this.w.open('contact')
       this.w.leaf('exclude', { body1: 'trunk', body2: 'end' })
+      if (this.pair) {
+        this.w.leaf('pair', { geom1: this.pair, geom2: 'tip' })
+      }
       this.w.shut('contact')
     }
     if (d.chance(0.1)) {
@@ -704,6 +737,12 @@ class Mjcf {
       this.w.open('fixed', { name: 'tendon' })
       this.w.leaf('joint', { joint: 'last', coef: 1 })
       this.w.shut('fixed')
+      if (this.sites.length > 1) {
+        this.w.open('spatial', { width: 0.01 })
+        this.w.leaf('site', { site: this.sites[0] })
+        this.w.leaf('site', { site: this.sites[1] })
+        this.w.shut('spatial')
+      }
       this.w.shut('tendon')
     }
     this.equalities()
@@ -739,7 +778,7 @@ class Urdf {
   shape() {
     const d = this.d
     this.w.open('geometry')
-    switch (d.whole(0, 3)) {
+    switch (d.whole(0, 4)) {
       case 0:
         this.w.leaf('box', { size: [0.1, 0.2, 0.1] })
         break
@@ -748,6 +787,10 @@ class Urdf {
         break
       case 2:
         this.w.leaf('cylinder', { radius: 0.05, length: 0.1 })
+        break
+      case 3:
+        this.features.add('urdf capsule')
+        this.w.leaf('capsule', { radius: 0.05, length: 0.1 })
         break
       default:
         this.features.add('urdf mesh')
@@ -832,7 +875,7 @@ class Urdf {
   write() {
     const d = this.d
     const count = d.whole(2, 9)
-    this.w.open('robot', { name: 'generated' })
+    this.w.open('robot', { name: 'generated', version: d.chance(0.2) ? '1.0' : undefined })
     this.w.open('mujoco')
     this.w.leaf('compiler', { fusestatic: 'false', discardvisual: 'true', balanceinertia: undefined })
     this.w.shut('mujoco')
@@ -852,6 +895,7 @@ class Urdf {
       this.ft = { frame, measure }
       this.w.open('gazebo', { reference: `j${count}` })
       this.w.open('sensor', { name: 'wrist', type: 'force_torque' })
+      this.w.lines.push('<update_rate>100</update_rate>')
       this.w.open('force_torque')
       if (frame) {
         this.w.lines.push(`<frame>${frame}</frame>`)
@@ -864,11 +908,26 @@ class Urdf {
       this.w.shut('gazebo')
     }
     if (d.chance(0.2)) {
+      this.features.add('gazebo of a link')
+      this.w.open('gazebo', { reference: 'end' })
+      this.w.lines.push('<mu1>0.9</mu1>', '<selfCollide>true</selfCollide>')
+      this.w.shut('gazebo')
+    }
+    if (d.chance(0.15)) {
+      this.features.add('ros2_control')
+      this.w.open('ros2_control', { name: 'bench', type: 'system' })
+      this.w.open('joint', { name: `j${count}` })
+      this.w.leaf('command_interface', { name: 'position' })
+      this.w.shut('joint')
+      this.w.shut('ros2_control')
+    }
+    if (d.chance(0.2)) {
       this.w.open('transmission', { name: 't' })
       this.w.lines.push('<type>transmission_interface/SimpleTransmission</type>')
       this.w.open('joint', { name: `j${count}` })
       this.w.shut('joint')
       this.w.open('actuator', { name: 'm' })
+      this.w.lines.push('<hardwareInterface>EffortJointInterface</hardwareInterface>')
       this.w.lines.push('<mechanicalReduction>50</mechanicalReduction>')
       this.w.shut('actuator')
       this.w.shut('transmission')
