@@ -9,6 +9,9 @@
 /* Supply below which a controller has no voltage, V. */
 #define LEAST_SUPPLY_V 1e-6
 
+/* Filters with at most this time constant are left out, s. */
+#define SHORTEST_FILTER_S 1e-9
+
 /* Share of a substep by which a delay may miss whole substeps and still count as whole. */
 #define WHOLE_SUBSTEP 1e-9
 
@@ -73,7 +76,7 @@ void plant_loop_hold(struct plant *plant, size_t d, double supply)
     if (plant->config.integrator == PLANT_RK4) {
         loop->bandwidth = fmin(loop->bandwidth, RK4_DECAY * 1e9 / (double)plant->config.substep_ns);
     }
-    loop->filter_s = sea->command_filter_s;
+    loop->filter_s = sea->command_filter_s > SHORTEST_FILTER_S ? sea->command_filter_s : 0.0;
     loop->supply = fmax(supply * (1.0 - law->unused), LEAST_SUPPLY_V);
 
     /* Errors of the reading shift the position target */
