@@ -16,7 +16,8 @@ struct csv_source {
     char line[CSV_LINE_BYTES], titles[CSV_LINE_BYTES];
 };
 
-/* Reads the next line without its line end. The last line may lack a line end. */
+/* Reads the next line without its line end and, in the first line, without a byte order mark. The
+ * last line may lack a line end. */
 static enum error_code csv_read_line(struct csv *csv, bool *end, struct error *error)
 {
     struct csv_source *source = csv->source;
@@ -41,23 +42,29 @@ static enum error_code csv_read_line(struct csv *csv, bool *end, struct error *e
     *end = c == EOF && length == 0;
     source->line[length] = '\0';
     source->line[strcspn(source->line, "\r")] = '\0';
+    if (csv->line == 1 && !strncmp(source->line, "\xef\xbb\xbf", 3)) {
+        memmove(source->line, source->line + 3, length - 2);
+    }
     return ERROR_NONE;
 }
 
-/* Reads the line of titles. The titles point into a copy of this line. */
+/* Reads the line of titles, after any lines with #. The titles point into a copy of this line. */
 static enum error_code csv_read_titles(struct csv *csv, struct error *error)
 {
     bool end;
-    enum error_code code = csv_read_line(csv, &end, error);
+    enum error_code code;
 
+    do {
+        code = csv_read_line(csv, &end, error);
+    } while (!code && !end && csv->source->line[0] == '#');
     if (code) {
         return code;
     }
     memcpy(csv->source->titles, csv->source->line, CSV_LINE_BYTES);
     for (char *at = csv->source->titles; at;) {
         if (csv->ncolumn == CSV_COLUMNS_MAX) {
-            return error_set(error, ERROR_INPUT, "%s:1: found more than %d columns", csv->path,
-                             CSV_COLUMNS_MAX);
+            return error_set(error, ERROR_INPUT, "%s:%ld: found more than %d columns", csv->path,
+                             csv->line, CSV_COLUMNS_MAX);
         }
         csv->title[csv->ncolumn++] = strsep(&at, ",");
     }

@@ -43,8 +43,8 @@ static enum error_code trajectory_find_joint(struct reader *reader, size_t colum
 
     if (length == 0 || length >= sizeof name || (!degrees && strcmp(unit, "_rad") != 0)) {
         return error_set(error, ERROR_INPUT,
-                         "%s:1: column %zu: found \"%.60s\", expected JOINT_rad or JOINT_deg",
-                         reader->csv->path, column + 1, title);
+                         "%s:%ld: column %zu: found \"%.60s\", expected JOINT_rad or JOINT_deg",
+                         reader->csv->path, reader->csv->line, column + 1, title);
     }
     reader->unit[column] = degrees ? M_PI / 180 : 1;
     snprintf(name, sizeof name, "%.*s", (int)length, title);
@@ -53,15 +53,15 @@ static enum error_code trajectory_find_joint(struct reader *reader, size_t colum
         nearest = text_nearest_first(name, reader->limit, sizeof *reader->limit, reader->nlimit);
         return error_set(
             error, ERROR_INPUT,
-            "%s:1: column %zu: found joint \"%.60s\", which the rig does not drive%s%s",
-            reader->csv->path, column + 1, name, nearest ? "; the nearest is " : "",
-            nearest ? nearest : "");
+            "%s:%ld: column %zu: found joint \"%.60s\", which the rig does not drive%s%s",
+            reader->csv->path, reader->csv->line, column + 1, name,
+            nearest ? "; the nearest is " : "", nearest ? nearest : "");
     }
     for (size_t k = 1; k < column; k++) {
         if (reader->joint[k] == (size_t)joint) {
             return error_set(error, ERROR_INPUT,
-                             "%s:1: column %zu: found joint \"%s\" again, which column %zu has",
-                             reader->csv->path, column + 1, name, k + 1);
+                             "%s:%ld: column %zu: found joint \"%s\" again, which column %zu has",
+                             reader->csv->path, reader->csv->line, column + 1, name, k + 1);
         }
     }
     reader->joint[column] = (size_t)joint;
@@ -252,10 +252,10 @@ enum error_code trajectory_read(struct csv *csv, enum trajectory_interpolation i
     reader->nlimit = nlimit;
     code = ERROR_NONE;
     if (strcmp(csv->title[0], "time_s") != 0 || csv->ncolumn < 2) {
-        code = error_set(
-            error, ERROR_INPUT,
-            "%s:1: found other titles, expected time_s, then JOINT_rad or JOINT_deg for each joint",
-            csv->path);
+        code = error_set(error, ERROR_INPUT,
+                         "%s:%ld: found other titles, expected time_s, then JOINT_rad or JOINT_deg "
+                         "for each joint",
+                         csv->path, csv->line);
     }
     for (size_t column = 1; column < csv->ncolumn && !code; column++) {
         code = trajectory_find_joint(reader, column, error);

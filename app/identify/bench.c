@@ -418,7 +418,7 @@ static double find_gain(const char *text, size_t size, const char *word)
 /* Returns the size of the comment lines at the start of a text, bytes. */
 static size_t comment_size(const char *text)
 {
-    const char *at = text;
+    const char *at = text + (strncmp(text, "\xef\xbb\xbf", 3) ? 0 : 3); /* a byte order mark */
 
     while (*at == '#') {
         at += strcspn(at, "\n");
@@ -461,15 +461,15 @@ static enum error_code find_columns(const struct bench_columns *columns, const s
         for (size_t k = (size_t)(column[i] + 1); column[i] >= 0 && k < csv->ncolumn; k++) {
             if (!strcmp(csv->title[k], title)) {
                 return error_set(error, ERROR_INPUT,
-                                 "%s:1: found column \"%.80s\" again, expected it once", csv->path,
-                                 title);
+                                 "%s:%ld: found column \"%.80s\" again, expected it once",
+                                 csv->path, csv->line, title);
             }
         }
         if (title && column[i] < 0 && !(i == SIGNAL_CURRENT && columns->current_is_optional)) {
             const char *near = text_nearest(title, csv->title, csv->ncolumn);
 
-            return error_set(error, ERROR_INPUT, "%s:1: found no column \"%.80s\"%s%.80s%s%s",
-                             csv->path, title,
+            return error_set(error, ERROR_INPUT, "%s:%ld: found no column \"%.80s\"%s%.80s%s%s",
+                             csv->path, csv->line, title,
                              near ? ", expected it; the nearest is \"" : ", expected it",
                              near ? near : "", near ? "\"" : "",
                              csv->ncolumn > 1 ? ""
@@ -618,17 +618,16 @@ static enum error_code read_table(const struct bench_columns *columns, const cha
                                   size_t size, struct arena *arena, struct recording *r,
                                   struct error *error)
 {
-    const size_t comments = comment_size(text);
     struct csv *csv;
     int column[COLUMNS];
     bool has[SIGNALS];
     size_t most = 0;
     enum error_code code;
 
-    for (size_t i = comments; i < size; i++) {
+    for (size_t i = 0; i < size; i++) {
         most += text[i] == '\n';
     }
-    if ((code = csv_open_memory(r->file, text + comments, size - comments, &csv, error))) {
+    if ((code = csv_open_memory(r->file, text, size, &csv, error))) {
         return code;
     }
     code = find_columns(columns, csv, column, error);

@@ -35,6 +35,11 @@ TEST(what_is_wrong_has_a_line)
         {"a,b\n1,2,3\n", "x.csv:2: found more than 2 columns"},
         {"a\n 1\n", "x.csv:2: column 1 (a): found \" 1\", expected a number"},
         {"a\n1\n\n", "x.csv:3: column 1 (a): found \"\", expected a number"},
+        {"\xef\xbb\xbf# b\n# c\r\na\n1\nx\n",
+         "x.csv:5: column 1 (a): found \"x\", expected a number"},
+        {"\xef\xbb\xbf"
+         "a,b\n1,2\n#\n",
+         "x.csv:3: column 1 (a): found \"#\", expected a number"},
     };
     struct csv *csv;
 

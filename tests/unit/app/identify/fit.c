@@ -576,7 +576,10 @@ TEST(wrong_recordings_are_refused_with_their_line)
     assert_ok(identify_open(BENCH_FILE, &arena, &bench, &error));
     refuses_rows("time_s,x\n", "no \"kp\" with a number");
     refuses_rows("# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v,goal_rad\n",
-                 "identify-rows.csv:1: found column \"goal_rad\" again, expected it once");
+                 "identify-rows.csv:2: found column \"goal_rad\" again, expected it once");
+    refuses_rows(
+        "\xef\xbb\xbf# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v\n0,x,0,1,7\n",
+        "identify-rows.csv:3: column 2 (position_rad): found \"x\", expected a number");
     refuses_rows("# kp 100, so\ntime_s,position_rad\n0,1\n", "no column \"goal_rad\"");
     refuses_rows("# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v\n"
                  "0,0,0,1,7\n0,0,0,1,7\n",
