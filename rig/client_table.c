@@ -242,8 +242,7 @@ static void icub_put_axis(struct client_table *t, const struct board_config *boa
         {"off", "", ICUB_MODE_FORCE_IDLE, 0, 0, 0, 0.0, 0.0},
         {"voltage", "open_loop", ICUB_MODE_OPEN_LOOP, ICUB_SET_OPEN_LOOP, 0, 16,
          supply_v / (foc < 0 ? ICUB_PWM_FULL_SCALE : FOC_PWM_FULL_SCALE), supply_v},
-        {"current", "current", ICUB_MODE_CURRENT, ICUB_SET_DESIRED_TORQUE, ICUB_GET_CURRENT_PID, 32,
-         1e-3, 1e300},
+        {"current", "current", ICUB_MODE_CURRENT, ICUB_SET_DESIRED_TORQUE, 0, 32, 1e-3, 1e300},
         {"position", "direct", ICUB_MODE_DIRECT, ICUB_SET_COMMAND_POSITION, ICUB_GET_POSITION_PID,
          32, 1.0 / board->axis[k].joint_ticks_per_rad, 1e300},
     };
