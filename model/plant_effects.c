@@ -108,11 +108,13 @@ static double dead_voltage(const struct robot_effects *effects, double supply)
 double plant_holding_voltage(const struct plant *plant, size_t d, double I)
 {
     const struct robot_sea *sea = &plant->sea[d];
+    struct effects_state state;
 
     if (!sea->effects || I == 0.0) {
         return sea->R * I;
     }
-    return effects_resistance(sea, plant_effects_state(plant, plant->state, d).winding_c) * I +
+    state = plant_effects_state(plant, plant->state, d);
+    return effects_resistance(sea, &state) * I +
            copysign(dead_voltage(sea->effects, plant_supply(plant)), I);
 }
 

@@ -50,6 +50,7 @@ const struct parameter parameters[] = {
     {"diode_v", "voltage of a diode of the bridge", EFFECT(diode), BY_OTHER},
     {"saturation_a", "current that saturates the motor", EFFECT(saturation), BY_OTHER},
     {"iron_nm_s_rad_a2", "drag of the iron by the current squared", EFFECT(iron), BY_OTHER},
+    {"R_skin_ohm", "resistance of the skin effect at 1 rad/s", EFFECT(skin), BY_OTHER},
     {"standby_w", "power of the electronics", EFFECT(standby), BY_OTHER},
     {"winding_k_w", "heat resistance, winding to housing", EFFECT(thermal.winding_k_w), BY_OTHER},
     {"housing_k_w", "heat resistance, housing to air", EFFECT(thermal.housing_k_w), BY_OTHER},

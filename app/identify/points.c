@@ -39,9 +39,9 @@ double point_compute(const struct robot_sea *sea, const struct bench_point *poin
         q[POINT_LOAD] = steady_load(sea, q[POINT_MOTOR], q[POINT_SPEED], sense);
     }
     q[POINT_CURRENT] = effects_current(sea, q[POINT_MOTOR]);
-    q[POINT_VOLTAGE] = sea->R * q[POINT_CURRENT] + (double)sense * sea->Kw *
-                                                       effects_saturation(sea, q[POINT_CURRENT]) *
-                                                       q[POINT_SPEED];
+    q[POINT_VOLTAGE] =
+        (sea->R + effects_skin(sea, q[POINT_SPEED])) * q[POINT_CURRENT] +
+        (double)sense * sea->Kw * effects_saturation(sea, q[POINT_CURRENT]) * q[POINT_SPEED];
     q[POINT_LOSS] = q[POINT_VOLTAGE] * q[POINT_CURRENT] -
                     (double)sense * q[POINT_LOAD] * q[POINT_SPEED] +
                     (sea->effects ? sea->effects->standby : 0.0);

@@ -116,6 +116,7 @@ static const struct yaml_field drive_fields[] = {
     DRIVE("bridge_ohm", effects.bridge_ohm, 0.0, 1e6),
     DRIVE("saturation_a", effects.saturation, 1e-6, 1e9),
     DRIVE("iron_nm_s_rad_a2", effects.iron, 0.0, 1e6),
+    DRIVE("R_skin_ohm", effects.skin, 0.0, 1e6),
     DRIVE("standby_w", effects.standby, 0.0, 1e6),
     {"freewheel", YAML_BOOL, false, .offset = AT(drive_yaml, effects.freewheel)},
     YAML_ENTRIES("gear_error", YAML_LIST, false, drive_yaml, error, nerror, error_schema),

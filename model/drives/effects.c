@@ -218,18 +218,24 @@ double effects_friction(const struct robot_sea *sea, double speed,
                : friction;
 }
 
-double effects_winding(const struct robot_sea *sea, double winding_c)
+double effects_skin(const struct robot_sea *sea, double speed)
 {
-    const struct robot_thermal *thermal = &sea->effects->thermal;
-
-    return thermal->winding_k_w > 0.0
-               ? sea->R * (1.0 + thermal->R_per_k * (winding_c - REFERENCE_C))
-               : sea->R;
+    return sea->effects && sea->effects->skin > 0.0 ? sea->effects->skin * sqrt(fabs(speed)) : 0.0;
 }
 
-double effects_resistance(const struct robot_sea *sea, double winding_c)
+double effects_winding(const struct robot_sea *sea, const struct effects_state *state)
 {
-    return effects_winding(sea, winding_c) + sea->effects->bridge_ohm;
+    const struct robot_thermal *thermal = &sea->effects->thermal;
+    const double R = thermal->winding_k_w > 0.0
+                         ? sea->R * (1.0 + thermal->R_per_k * (state->winding_c - REFERENCE_C))
+                         : sea->R;
+
+    return R + effects_skin(sea, state->sea.qmd);
+}
+
+double effects_resistance(const struct robot_sea *sea, const struct effects_state *state)
+{
+    return effects_winding(sea, state) + sea->effects->bridge_ohm;
 }
 
 double effects_saturation(const struct robot_sea *sea, double I)
@@ -373,17 +379,16 @@ double effects_current_rate(const struct robot_sea *sea, const struct effects_st
 {
     const double Kw = field_strength(sea, state->housing_c, state->sea.I) * sea->Kw;
 
-    return mode->flow != 0
-               ? (bridge->voltage - bridge->hold * mode->flow -
-                  effects_resistance(sea, state->winding_c) * state->sea.I - Kw * state->sea.qmd) /
-                     sea->L
-               : 0.0;
+    return mode->flow != 0 ? (bridge->voltage - bridge->hold * mode->flow -
+                              effects_resistance(sea, state) * state->sea.I - Kw * state->sea.qmd) /
+                                 sea->L
+                           : 0.0;
 }
 
 double effects_steady_voltage(const struct robot_sea *sea, const struct effects_state *state,
                               const struct effects_bridge *bridge)
 {
-    return effects_resistance(sea, state->winding_c) * state->sea.I +
+    return effects_resistance(sea, state) * state->sea.I +
            field_strength(sea, state->housing_c, state->sea.I) * sea->Kw * state->sea.qmd +
            (state->sea.I < 0.0 ? -bridge->hold : bridge->hold);
 }
@@ -418,9 +423,8 @@ void effects_derivative(const struct robot_sea *sea, const struct effects_state 
 
     /* Compute the rates of the winding */
     derivative->sea.I = effects_current_rate(sea, state, bridge, mode);
-    warm_rates(&sea->effects->thermal,
-               effects_winding(sea, state->winding_c) * (I * I + bridge->ripple), state,
-               derivative);
+    warm_rates(&sea->effects->thermal, effects_winding(sea, state) * (I * I + bridge->ripple),
+               state, derivative);
 }
 
 /* ---- implicit Euler ---- */
@@ -546,7 +550,7 @@ static struct loop_step loop_step_of(const struct robot_sea *sea,
                                      const struct effects_state *begin)
 {
     return (struct loop_step){.loop = bridge->loop,
-                              .R = effects_resistance(sea, begin->winding_c),
+                              .R = effects_resistance(sea, begin),
                               .L = sea->L,
                               .Kw = field_strength(sea, begin->housing_c, begin->sea.I) * sea->Kw,
                               .hold = bridge->hold,
@@ -573,9 +577,8 @@ void effects_step_implicit(const struct robot_sea *sea, const struct effects_bri
 {
     const struct robot_effects *effects = sea->effects;
     const double qm = begin->sea.qm, J_h = sea->J / h;
-    const double winding = sea->L + h * effects_resistance(sea, begin->winding_c);
     const bool varies = effects->nerror > 0 || effects->ncogging > 0 || effects->stribeck > 0.0 ||
-                        effects->saturation > 0.0 || effects->iron > 0.0 ||
+                        effects->saturation > 0.0 || effects->iron > 0.0 || effects->skin > 0.0 ||
                         has_load_friction(&effects->load);
     struct effects_mode mode = effects_find_mode(sea, begin, q, qd, bridge);
     struct effects_carried carried = effects_carried(sea, begin, q, qd);
@@ -592,7 +595,8 @@ void effects_step_implicit(const struct robot_sea *sea, const struct effects_bri
     *end = (struct effects_end){.state = *begin};
     equation.friction = effects_friction(sea, v, &carried);
     for (int i = 0; i < MEAN_ITERATIONS; i++) {
-        /* Any strength and any damping is passive: take those of the last current */
+        /* Any strength, damping and resistance is passive: take those of the last state */
+        const double winding = sea->L + h * effects_resistance(sea, &end->state);
         const double strength = field_strength(sea, begin->housing_c, end->state.sea.I);
         const double Kt = strength * sea->Kt;
         double I =
@@ -664,7 +668,7 @@ void effects_power_current(const struct robot_sea *sea, const struct effects_sta
                            struct effects_power *power)
 {
     const double I = state->sea.I, square = I * I + bridge->ripple;
-    const double R = effects_winding(sea, state->winding_c), R_b = sea->effects->bridge_ohm;
+    const double R = effects_winding(sea, state), R_b = sea->effects->bridge_ohm;
     const double switching = bridge->switching * fabs(I);
 
     power->electrical = (bridge->voltage - (bridge->hold - bridge->diodes) * mode->flow) * I +

@@ -120,11 +120,15 @@ double effects_limit_grip(double grip, double friction);
 /* Returns the energy of the grip, J. */
 double effects_grip_energy(const struct robot_sea *sea, double grip);
 
-/* Returns the resistance R of a winding, ohm, at its temperature in degree C. */
-double effects_winding(const struct robot_sea *sea, double winding_c);
+/* Returns the resistance that the skin effect adds at a speed, ohm; 0 for a drive without
+ * effects. */
+double effects_skin(const struct robot_sea *sea, double speed);
+
+/* Returns the resistance R of a winding, ohm, at its temperature and speed. */
+double effects_winding(const struct robot_sea *sea, const struct effects_state *state);
 
 /* Returns the resistance in the current path: R of the winding plus R_b of the bridge, ohm. */
-double effects_resistance(const struct robot_sea *sea, double winding_c);
+double effects_resistance(const struct robot_sea *sea, const struct effects_state *state);
 
 /* Returns z after the deflection has changed by `way` in one direction. *loss receives the
  * dissipated energy, J. */

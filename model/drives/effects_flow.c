@@ -92,7 +92,7 @@ static void follow_hysteresis(const struct effects_span *span, double deflection
 static double flow_winding(const struct effects_span *span, const struct effects_mode *mode,
                            const struct effects_state *state, double I, double t)
 {
-    double R = effects_resistance(span->sea, state->winding_c), L = span->sea->L;
+    double R = effects_resistance(span->sea, state), L = span->sea->L;
     double voltage = span->bridge.voltage - span->bridge.hold * mode->flow;
 
     if (mode->flow == 0) {
@@ -156,7 +156,7 @@ static void stop_current(const struct effects_span *span, double q_end, double h
                          const struct effects_mode *mode, const struct effects_state *begin,
                          struct effects_state *end, struct part_events *events)
 {
-    const double R = effects_resistance(span->sea, begin->winding_c), L = span->sea->L;
+    const double R = effects_resistance(span->sea, begin), L = span->sea->L;
     const double I = begin->sea.I;
     struct effects_state still = *begin, rate;
     struct effects_mode next;
@@ -235,10 +235,9 @@ static void account_part(const struct effects_span *span, double q, double h,
 
         /* Add the integrals for the current that came to zero */
         const struct effects_bridge *bridge = &span->bridge;
-        const double R = effects_resistance(span->sea, begin->winding_c);
-        const double heat = R > 0.0
-                                ? events->heat * effects_winding(span->sea, begin->winding_c) / R
-                                : events->heat;
+        const double R = effects_resistance(span->sea, begin);
+        const double heat =
+            R > 0.0 ? events->heat * effects_winding(span->sea, begin) / R : events->heat;
         const double switching = bridge->switching * fabs(events->charge);
 
         work->electrical +=

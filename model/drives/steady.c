@@ -25,7 +25,8 @@ static double motor_torque(const struct robot_sea *sea, double I)
 
 double steady_current(const struct robot_sea *sea, double voltage, double speed)
 {
-    const double free = voltage / sea->R, turning = (voltage - sea->Kw * speed) / sea->R;
+    const double R = sea->R + effects_skin(sea, speed);
+    const double free = voltage / R, turning = (voltage - sea->Kw * speed) / R;
     double low = fmin(free, turning), high = fmax(free, turning);
 
     if (effects_saturation(sea, turning) == 1.0) {
@@ -34,7 +35,7 @@ double steady_current(const struct robot_sea *sea, double voltage, double speed)
     for (int i = 0; i < HALVINGS; i++) {
         const double I = 0.5 * (low + high), emf = sea->Kw * effects_saturation(sea, I) * speed;
 
-        *(sea->R * I + emf > voltage ? &high : &low) = I;
+        *(R * I + emf > voltage ? &high : &low) = I;
     }
     return low;
 }

@@ -22,6 +22,10 @@
 #define LINK_SWING (1.0 / 1.5)
 #define WINDING_SWING 0.5
 
+/* Largest product of a stage and the rate at which iron drag slows the rotor, or at which the skin
+ * effect lowers the current, of a drive that is not stiff. */
+#define DECAY 0.5
+
 /* Largest number of solutions of a stage, and the part of the torque by which the tangent of a
  * stiff drive may miss the torque at the solution. */
 enum { REVISIONS = 60 };
@@ -50,6 +54,7 @@ static void make_effect_flows(const struct plant *plant, const struct robot_sea 
 {
     double h = 1e-9 * (double)plant->config.substep_ns;
     const double stage = IMPLICIT_GAMMA * h, winding = sea->Kt * sea->Kw / sea->L;
+    const double I = plant->config.supply_v / sea->R, v = plant->config.supply_v / sea->Kw;
     double stiffness;
 
     made->inertia = inertia;
@@ -58,7 +63,9 @@ static void make_effect_flows(const struct plant *plant, const struct robot_sea 
     made->is_stiff = sea->effects->presliding > 0.0 ||
                      drive_swings_fast(stiffness, sea->J, stage) ||
                      drive_swings_fast(stiffness, inertia, LINK_SWING * stage) ||
-                     drive_swings_fast(winding, sea->J, WINDING_SWING * stage);
+                     drive_swings_fast(winding, sea->J, WINDING_SWING * stage) ||
+                     sea->effects->iron * I * I / sea->J * stage > DECAY ||
+                     effects_skin(sea, v) / sea->L * stage > DECAY;
     for (int level = 0; level < STEP_LEVELS; level++, h *= 0.25) {
         effects_flow_make(&made->linear, (1.0 - IMPLICIT_GAMMA) * h,
                           &made->flow[level][SPAN_TO_BASE]);

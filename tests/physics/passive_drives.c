@@ -118,6 +118,7 @@ static struct passive_drive draw_drive(uint64_t seed)
     if (coin(r)) {
         e->saturation = log_uniform(r, 1e-3, 1e3);
         e->iron = log_uniform(r, 1e-6, 1e-2);
+        e->skin = d.sea.R * log_uniform(r, 1e-3, 1.0);
     }
     return d;
 }

@@ -209,8 +209,8 @@ static const struct limit rig_limits[] = {
         {"*.stop_Ds_nm_s_rad", 0, 1e9}, {"*.current_loop_hz", 1, 1e6},                             \
         {"*.command_filter_s", 0, 10}, {"*.command_delay_s", 0, 0.1},                              \
         {"*.presliding_nm_rad", 1e-6, 1e9}, {"*.saturation_a", 1e-6, 1e9},                         \
-        {"*.iron_nm_s_rad_a2", 0, 1e6}, {"*.standby_w", 0, 1e6}, {"*.coulomb_nm", 0, 1e6},         \
-        {"*.breakaway_nm", 0, 1e6}, {"*.stribeck_rad_s", 1e-6, 1e6},                               \
+        {"*.iron_nm_s_rad_a2", 0, 1e6}, {"*.R_skin_ohm", 0, 1e6}, {"*.standby_w", 0, 1e6},         \
+        {"*.coulomb_nm", 0, 1e6}, {"*.breakaway_nm", 0, 1e6}, {"*.stribeck_rad_s", 1e-6, 1e6},     \
         {"*.stribeck_exponent", 0.25, 16}, {"*.load_motor", 0, 0.95},                              \
         {"*.load_external", 0, 0.95}, {"*.load_motor_stribeck", 0, 10},                            \
         {"*.load_external_stribeck", 0, 10}, {"*.load_motor_per_nm", 0, 1e3},                      \
