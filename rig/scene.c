@@ -144,10 +144,15 @@ static enum error_code scene_add_capsules(struct rig_builder *b, struct contact_
     const struct raw_scene *scene = &b->raw->scene;
     const struct raw_robot_surfaces *raw = &scene->robot_surfaces;
     struct contact_config *contact = &b->rig->contact;
-    struct contact_material material;
+    struct contact_material material, base;
     enum error_code code;
 
     code = scene_find_material(b, yaml_place(&raw->mark, "material"), raw->material, &material);
+    base = material;
+    if (!code && raw->base_material) {
+        code = scene_find_material(b, yaml_place(&raw->mark, "base_material"), raw->base_material,
+                                   &base);
+    }
     for (size_t c = 0; !code && c < b->robot->ncapsule; c++) {
         const struct robot_capsule *capsule = &b->robot->capsule[c];
         struct contact_surface *s = &surface[contact->nsurface];
@@ -171,7 +176,7 @@ static enum error_code scene_add_capsules(struct rig_builder *b, struct contact_
             .cells_per_edge = 1,
             .radius_m = capsule->radius,
             .length_m = capsule->length,
-            .material = material,
+            .material = capsule->body == 0 ? base : material,
         };
         memcpy(s->half_extent_m, capsule->half, sizeof s->half_extent_m);
         memcpy(s->position, capsule->position, sizeof s->position);

@@ -153,6 +153,7 @@ static const struct yaml_schema exclude_schema =
 
 static const struct yaml_field robot_surfaces_fields[] = {
     {"material", YAML_STRING, true, .offset = AT(raw_robot_surfaces, material)},
+    {"base_material", YAML_STRING, false, .offset = AT(raw_robot_surfaces, base_material)},
     {"self_collision", YAML_BOOL, false, .offset = AT(raw_robot_surfaces, self_collision)},
     YAML_ENTRIES("exclude", YAML_LIST, false, raw_robot_surfaces, exclude, nexclude,
                  exclude_schema),

@@ -68,7 +68,7 @@ struct raw_pair {
 /* Contact surfaces made from the robot's capsules. */
 struct raw_robot_surfaces {
     struct yaml_mark mark;
-    const char *material;
+    const char *material, *base_material; /* base_material: on the base; NULL = material */
     bool self_collision;
     struct raw_pair *exclude;
     size_t nexclude;

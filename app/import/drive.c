@@ -18,6 +18,7 @@
  * effort */
 #define WEIGHT_ARM_M 0.1
 #define STRENGTH_TIMES 3.0 /* ratio of the assumed strength to the gravity load */
+#define WHEEL_SHARE 0.5    /* least ratio of a wheel's strength to the robot's largest load */
 #define CARRY_TIMES 1.5    /* least ratio of strength to the torque in a pose */
 /* smallest ratio of the loop's stiffness to the tipping stiffness */
 #define UPRIGHT_TIMES 1.5
@@ -108,13 +109,18 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
 {
     const struct import_joint *source = from->source[j];
     const char *file = source->file;
+    const bool wheel =
+        from->rolls && source->type == IMPORT_CONTINUOUS && from->robot->body[j + 1].parent == 0;
 
     *strength = source->effort;
     *speed = source->velocity;
 
     /* An effort of 0, or far above all loads, is a placeholder */
     if (!(*strength > 0.0) || *strength > PLACEHOLDER_TIMES * most_load) {
-        *strength = fmax(fmax(STRENGTH_TIMES * load, 0.02 * most_load), 1e-3);
+        *strength =
+            fmax(fmax(STRENGTH_TIMES * load, (wheel ? WHEEL_SHARE : 0.02) * most_load), 1e-3);
+        *strength += source->friction;
+        *strength += source->damping * (*speed > 0.0 ? fmin(*speed, SPEED_RAD_S) : SPEED_RAD_S);
         import_note_add(notes, IMPORT_ASSUMED, file, source->line,
                         "joint \"%.63s\" is as strong as %.3g N m: the file's effort %g %s",
                         source->name, *strength, source->effort,

@@ -23,6 +23,10 @@ enum {
 #define RIM 0.95
 #define TREAD 0.9
 
+/* The box about a mesh of a base on wheels is smaller by this on all sides, so that the wheels bear
+ * the weight. */
+#define CLEARANCE_M 5e-3
+
 void import_place_shape(const struct import_builder *b, const struct import_geometry *shape,
                         const struct import_place *own, double position[3], double rotation[9])
 {
@@ -60,7 +64,7 @@ static void axis_to_rotation(int m, double R[9])
 
 /* Fits the enclosing capsule of points along the longest side of their bounding box. On the base,
  * which is rarely round, fits the box if its volume is smaller. */
-static void capsule_hold_points(const double (*point)[3], size_t count,
+static void capsule_hold_points(const double (*point)[3], size_t count, bool rolls,
                                 struct robot_capsule *capsule)
 {
     double low[3], high[3], middle[3], side[3], radius = 0.0, half = 0.0;
@@ -105,7 +109,8 @@ static void capsule_hold_points(const double (*point)[3], size_t count,
 
     /* The box */
     for (int m = 0; m < 3; m++) {
-        side[m] = fmax(0.5 * (high[m] - low[m]), 1e-6);
+        side[m] = 0.5 * (high[m] - low[m]);
+        side[m] = fmax(side[m] - (rolls ? fmin(CLEARANCE_M, 0.2 * side[m]) : 0.0), 1e-6);
     }
     if (capsule->body == 0 && 8.0 * side[0] * side[1] * side[2] <
                                   M_PI * radius * radius * (capsule->length + 4.0 / 3.0 * radius)) {
@@ -116,13 +121,15 @@ static void capsule_hold_points(const double (*point)[3], size_t count,
 }
 
 /* Fits a cylinder to the points of a wheel: what a continuous joint turns, if all sectors about the
- * joint's axis reach equally far. Returns false for other shapes. */
+ * joint's axis reach equally far, or if it is as wide as high about the axis, as a box that stands
+ * for a wheel. Returns false for other shapes. */
 static bool cylinder_hold_wheel(const struct import_builder *b, const struct import_geometry *shape,
                                 const double (*point)[3], size_t count,
                                 struct robot_capsule *capsule)
 {
     const size_t j = (size_t)capsule->body - 1;
-    double axis[3], middle[3], rim[SECTORS] = {0}, far = 0.0, low = INFINITY, high = -INFINITY;
+    double axis[3], middle[3], rim[SECTORS] = {0}, side[4] = {0}, low = INFINITY, high = -INFINITY;
+    double far = 0.0, least = INFINITY;
     double *R = capsule->rotation;
     struct import_place place;
 
@@ -148,15 +155,23 @@ static bool cylinder_hold_wheel(const struct import_builder *b, const struct imp
 
             far = fmax(far, across);
             rim[sector % SECTORS] = fmax(rim[sector % SECTORS], across);
+            for (int m = 0; m < 4; m++) {
+                side[m] = fmax(side[m], m % 2 ? -at[m / 2] : at[m / 2]);
+            }
         } else if (across >= TREAD * far) {
             low = fmin(low, at[2]);
             high = fmax(high, at[2]);
         }
     }
     for (int i = 0; i < SECTORS; i++) {
-        if (rim[i] < RIM * far) {
-            return false;
-        }
+        least = fmin(least, rim[i]);
+    }
+    if (least < RIM * far) {
+        least = fmin(fmin(side[0], side[1]), fmin(side[2], side[3]));
+        far = fmax(fmax(side[0], side[1]), fmax(side[2], side[3]));
+    }
+    if (!(least >= RIM * far)) {
+        return false;
     }
     vec3_add_scaled((const double[3]){0}, -1.0, middle, middle);
     vec3_add_scaled(middle, 0.5 * (low + high), axis, capsule->position);
@@ -208,7 +223,7 @@ static bool shape_fit_mesh(const struct import_builder *b, const struct import_g
     const double(*point)[3] = (const double(*)[3])mesh.vertex;
 
     if (!cylinder_hold_wheel(b, shape, point, mesh.nvertex, capsule)) {
-        capsule_hold_points(point, mesh.nvertex, capsule);
+        capsule_hold_points(point, mesh.nvertex, b->from->rolls, capsule);
     }
     snprintf(path, sizeof path, "%s/%s.obj", b->folder, capsule->name);
     if (import_write_mesh(&mesh, path, &why)) {

@@ -20,8 +20,9 @@
 /* Radius of a collision or visual sphere whose radius in the file is 0. */
 #define POINT_RADIUS_M 1e-3
 
-/* Value that some tools write for a joint without a limit. */
+/* Value that some tools write for a joint without a limit; limits beyond 50 turns mean none. */
 #define NO_LIMIT (-1.0)
+#define ANGLE_NONE (100.0 * M_PI)
 
 /* Copies an attribute that must exist into the arena. */
 static const char *urdf_need_text(const struct import_reader *r, const xmlNode *node,
@@ -268,7 +269,7 @@ static void urdf_read_limit(const struct import_reader *r, const xmlNode *node,
                             struct import_joint *joint)
 {
     const xmlNode *limit = urdf_only_child(r, node, "limit");
-    bool lower, upper;
+    bool lower, upper, none;
 
     if (!limit) {
         return;
@@ -281,17 +282,20 @@ static void urdf_read_limit(const struct import_reader *r, const xmlNode *node,
     /* In URDF, a single missing limit is 0. For a joint without limits, some tools write -1, or a
      * lower limit above the upper one */
     joint->has_limit = lower || upper;
+    none = joint->lower > joint->upper || (joint->lower == NO_LIMIT && joint->upper == NO_LIMIT) ||
+           (joint->lower < -ANGLE_NONE && joint->upper > ANGLE_NONE);
     joint->effort = joint->effort == NO_LIMIT ? 0.0 : joint->effort;
     joint->velocity = joint->velocity == NO_LIMIT ? 0.0 : joint->velocity;
-    if (joint->type == IMPORT_REVOLUTE && joint->has_limit &&
-        (joint->lower > joint->upper || (joint->lower == NO_LIMIT && joint->upper == NO_LIMIT))) {
+    if (joint->type == IMPORT_REVOLUTE && (!joint->has_limit || none)) {
         reader_note(r, IMPORT_CHANGED, limit, "limits %g to %g of joint \"%.63s\" mean none",
                     joint->lower, joint->upper, joint->name);
         joint->type = IMPORT_CONTINUOUS;
         joint->has_limit = false;
+        joint->lower = joint->upper = 0.0;
     }
-    if (joint->effort < 0 || joint->velocity < 0 || fabs(joint->lower) > ANGLE_MAX ||
-        fabs(joint->upper) > ANGLE_MAX) {
+    if (joint->effort < 0 || joint->velocity < 0 ||
+        (joint->type != IMPORT_CONTINUOUS &&
+         fmax(fabs(joint->lower), fabs(joint->upper)) > ANGLE_MAX)) {
         xml_refuse(r->file, limit,
                    "found limits %g to %g, effort %g, velocity %g of joint \"%.63s\", expected an "
                    "effort and a velocity of 0 or more, and no limit beyond %g",

@@ -286,24 +286,31 @@ enum error_code import_write_standing(const struct import_rig *rig, const char *
 
     /* Write the materials of ground and robot. Their stiffness is proportional to the weight, so
      * that the layers deflect by some tenths of a millimeter under the whole weight. Wheels touch
-     * along a line, so a robot that rolls has stiffer ones. */
-    static const char *const name[] = {"ground", "shell"};
-    double young = (rig->rolls ? 5e5 : 1e5) * fmax(robot->total_mass / 30.0, 0.05);
+     * along a line, so a robot that rolls has stiffer ones; what its base has on the ground are
+     * castors, which hardly brake. */
+    static const struct {
+        const char *name, *thickness_m;
+        double friction;
+    } material[] = {
+        {"ground", "1.0e-3", 1.0}, {"shell", "2.0e-4", 1.0}, {"castor", "2.0e-4", 0.02}};
+    double young = (rig->rolls ? 2e6 : 1e5) * fmax(robot->total_mass / 30.0, 0.05);
 
     fputs("  materials:\n", file.out);
-    for (int i = 0; i < 2; i++) {
+    for (int i = 0; i < (rig->rolls ? 3 : 2); i++) {
         fprintf(file.out,
                 "    %s:\n      young_pa: %.3g\n      thickness_m: %s\n"
-                "      dissipation_s_per_m: 10.0\n      static_friction: 1.0\n"
-                "      dynamic_friction: 0.8\n      viscous_s_per_m: 0.0\n",
-                name[i], young, i == 0 ? "1.0e-3" : "2.0e-4");
+                "      dissipation_s_per_m: 10.0\n      static_friction: %g\n"
+                "      dynamic_friction: %g\n      viscous_s_per_m: 0.0\n",
+                material[i].name, young, material[i].thickness_m, material[i].friction,
+                0.8 * material[i].friction);
     }
 
-    fputs("  surfaces:\n"
-          "    - {name: ground, body: world, shape: half_space, material: ground}\n"
-          "  robot_surfaces: {material: shell, self_collision: false}\n\n"
-          "tasks:\n"
-          "  servo: {trim_per_s: 0.3, sway_damping_per_s: 3.0}\n",
-          file.out);
+    fprintf(file.out,
+            "  surfaces:\n"
+            "    - {name: ground, body: world, shape: half_space, material: ground}\n"
+            "  robot_surfaces: {material: shell, %sself_collision: false}\n\n"
+            "tasks:\n"
+            "  servo: {trim_per_s: 0.3, sway_damping_per_s: 3.0}\n",
+            rig->rolls ? "base_material: castor, " : "");
     return whole_file_close(&file, ERROR_NONE, error);
 }
