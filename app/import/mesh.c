@@ -230,41 +230,16 @@ static double pyramid_measure(const struct import_mesh *mesh, size_t face, const
     return solid == IMPORT_SOLID_EXACT ? volume : fabs(volume);
 }
 
-/* Computes the centroid of the surface: the mean of its faces, weighted by their areas. */
-static void mesh_find_middle(const struct import_mesh *mesh, double middle[3])
-{
-    double total = 0.0;
-
-    memset(middle, 0, 3 * sizeof *middle);
-    for (size_t f = 0; f < mesh->nface; f++) {
-        const int *face = mesh->face[f];
-        double edge[2][3], across[3], area;
-
-        vec3_sub(mesh->vertex[face[1]], mesh->vertex[face[0]], edge[0]);
-        vec3_sub(mesh->vertex[face[2]], mesh->vertex[face[0]], edge[1]);
-        vec3_cross(edge[0], edge[1], across);
-        area = 0.5 * vec3_norm(across);
-        total += area;
-        for (int c = 0; c < 3; c++) {
-            vec3_add_scaled(middle, area / 3.0, mesh->vertex[face[c]], middle);
-        }
-    }
-    for (int m = 0; m < 3 && total > 0.0; m++) {
-        middle[m] /= total;
-    }
-}
-
-/* Computes the center of mass of the enclosed volume or of the shell, m. Returns the volume, m3, or
- * the area, m2. */
+/* Computes the center of mass of the enclosed volume or of the shell, m, from pyramids with this
+ * apex. Returns the volume, m3, or the area, m2. */
 static double mesh_find_center(const struct import_mesh *mesh, enum import_solid solid,
-                               double center[3])
+                               const double apex[3], double center[3])
 {
     const double share = solid == IMPORT_SOLID_SHELL ? 1.0 / 3.0 : 0.25;
-    double middle[3], sum[3] = {0, 0, 0}, total = 0.0;
+    double sum[3] = {0, 0, 0}, total = 0.0;
 
-    mesh_find_middle(mesh, middle);
     for (size_t f = 0; f < mesh->nface; f++) {
-        double corner[3][3], volume = pyramid_measure(mesh, f, middle, solid, corner);
+        double corner[3][3], volume = pyramid_measure(mesh, f, apex, solid, corner);
 
         /* The center of a pyramid is a quarter of the sum of its four corners; the apex is the
          * origin. The center of a face is a third of the sum of its own */
@@ -274,7 +249,7 @@ static double mesh_find_center(const struct import_mesh *mesh, enum import_solid
         }
     }
     for (int m = 0; m < 3; m++) {
-        center[m] = total > 0.0 ? middle[m] + sum[m] / total : 0.0;
+        center[m] = apex[m] + (total > 0.0 ? sum[m] / total : 0.0);
     }
     return total;
 }
@@ -283,9 +258,13 @@ double import_measure_mesh(const struct import_mesh *mesh, enum import_solid sol
                            double center[3], double I[6])
 {
     const double parts = solid == IMPORT_SOLID_SHELL ? 12.0 : 20.0;
-    double second[3][3] = {{0}}, trace, total = mesh_find_center(mesh, solid, center), own = 0.0;
+    static const double origin[3];
+    double second[3][3] = {{0}}, middle[3], trace, total, own = 0.0;
 
+    /* Pyramids have their apex in the center of the surface */
     memset(I, 0, 6 * sizeof *I);
+    total = mesh_find_center(mesh, IMPORT_SOLID_SHELL, origin, middle);
+    total = total > 0.0 ? mesh_find_center(mesh, solid, middle, center) : 0.0;
     if (!(total > 0.0)) {
         return 0.0;
     }
@@ -323,32 +302,49 @@ double import_measure_mesh(const struct import_mesh *mesh, enum import_solid sol
 
 /* ---- convex hull ---- */
 
-#define HULL_STEPS_MAX 1000000000 /* comparisons of vertices, faces and edges */
+#define HULL_STEPS_MAX 200000000 /* comparisons of vertices, faces and edges */
 enum { HULL_SPARE = 16 };
 #define HULL_FLAT 1e-10 /* least height of a vertex above a face, over the mesh's size */
 
-/* Computes the height of a point above the plane of a face. */
-static double hull_height(const struct import_mesh *hull, const int face[3], const double point[3])
-{
-    const double *a = hull->vertex[face[0]];
-    double edge[2][3], normal[3], to[3];
+/* A face of a hull, with its plane: unit normal, and distance from the origin. */
+struct hull_face {
+    int corner[3];
+    double plane[4];
+};
 
-    vec3_sub(hull->vertex[face[1]], a, edge[0]);
-    vec3_sub(hull->vertex[face[2]], a, edge[1]);
-    vec3_cross(edge[0], edge[1], normal);
-    vec3_sub(point, a, to);
-    return vec3_dot(normal, to) / fmax(vec3_norm(normal), DBL_MIN);
+/* A hull of vertices. */
+struct hull {
+    double (*vertex)[3];
+    size_t nvertex, nface, nseen, steps;
+    struct hull_face *face, *seen; /* seen: faces below the newest vertex */
+};
+
+static void hull_add_face(struct hull *hull, int a, int b, int c)
+{
+    struct hull_face *face = &hull->face[hull->nface++];
+    double edge[2][3], *plane = face->plane, length;
+
+    *face = (struct hull_face){.corner = {a, b, c}};
+    vec3_sub(hull->vertex[b], hull->vertex[a], edge[0]);
+    vec3_sub(hull->vertex[c], hull->vertex[a], edge[1]);
+    vec3_cross(edge[0], edge[1], plane);
+    length = fmax(vec3_norm(plane), DBL_MIN);
+    for (int m = 0; m < 3; m++) {
+        plane[m] /= length;
+    }
+    plane[3] = vec3_dot(plane, hull->vertex[a]);
 }
 
 /* Begins a hull with a tetrahedron of far vertices. Returns the mesh's size, 0 for a flat mesh. */
-static double hull_begin(struct import_mesh *hull)
+static double hull_begin(struct hull *hull)
 {
-    static const int side[4][3] = {{0, 1, 2}, {0, 3, 1}, {1, 3, 2}, {2, 3, 0}};
     double far = 0.0, size = 0.0;
     int corner[4] = {0};
 
     /* Each corner is the vertex farthest from the corners before it, their line, or their plane */
     for (int k = 1; k < 4; k++) {
+        hull->nface = 0;
+        hull_add_face(hull, corner[0], corner[1], corner[2]);
         far = 0.0;
         for (size_t v = 0; v < hull->nvertex; v++) {
             double to[3], along[3], across[3], height;
@@ -358,7 +354,7 @@ static double hull_begin(struct import_mesh *hull)
             vec3_cross(along, to, across);
             height = k == 1   ? vec3_norm(to)
                      : k == 2 ? vec3_norm(across) / size
-                              : fabs(hull_height(hull, corner, hull->vertex[v]));
+                              : fabs(vec3_dot(hull->face[0].plane, to));
             if (height > far) {
                 far = height;
                 corner[k] = (int)v;
@@ -369,81 +365,94 @@ static double hull_begin(struct import_mesh *hull)
             return 0.0;
         }
     }
-    if (hull_height(hull, corner, hull->vertex[corner[3]]) > 0.0) {
-        const int first = corner[0];
 
-        corner[0] = corner[1];
-        corner[1] = first;
-    }
-    for (int f = 0; f < 4; f++) {
-        for (int c = 0; c < 3; c++) {
-            hull->face[f][c] = corner[side[f][c]];
-        }
-    }
-    hull->nface = 4;
+    /* The first face has its normal away from the last corner */
+    const double *plane = hull->face[0].plane;
+    const bool above = vec3_dot(plane, hull->vertex[corner[3]]) > plane[3];
+    const int a = corner[above], b = corner[!above];
+
+    hull->nface = 0;
+    hull_add_face(hull, a, b, corner[2]);
+    hull_add_face(hull, a, corner[3], b);
+    hull_add_face(hull, b, corner[3], corner[2]);
+    hull_add_face(hull, corner[2], corner[3], a);
     return size;
 }
 
 /* Adds a vertex to a hull. The faces below the vertex give way to faces between their common border
- * and the vertex. The removed faces are kept in `seen`. Returns false after too many steps. */
-static bool hull_add(struct import_mesh *hull, int vertex, double least, int (*seen)[3],
-                     size_t *steps)
+ * and the vertex. Returns false after too many steps. */
+static bool hull_add(struct hull *hull, int vertex, double least)
 {
-    size_t kept = 0, nseen = 0;
+    const double *point = hull->vertex[vertex];
+    const size_t nface = hull->nface;
 
-    for (size_t f = 0; f < hull->nface; f++) {
-        const bool below = hull_height(hull, hull->face[f], hull->vertex[vertex]) > least;
+    hull->nface = hull->nseen = 0;
+    for (size_t f = 0; f < nface; f++) {
+        const struct hull_face *face = &hull->face[f];
 
-        memcpy(below ? seen[nseen++] : hull->face[kept++], hull->face[f], sizeof *seen);
+        if (vec3_dot(face->plane, point) - face->plane[3] > least) {
+            hull->seen[hull->nseen++] = *face;
+        } else {
+            hull->face[hull->nface++] = *face;
+        }
     }
-    *steps += hull->nface + 9 * nseen * nseen;
-    if (*steps > HULL_STEPS_MAX || kept + 3 * nseen > 6 * hull->nvertex + HULL_SPARE) {
+    hull->steps += nface + 9 * hull->nseen * hull->nseen;
+    if (hull->steps > HULL_STEPS_MAX ||
+        hull->nface + 3 * hull->nseen > 6 * hull->nvertex + HULL_SPARE) {
         return false;
     }
-    for (size_t e = 0; e < 3 * nseen; e++) {
-        const int from = seen[e / 3][e % 3], to = seen[e / 3][(e + 1) % 3];
+    for (size_t e = 0; e < 3 * hull->nseen; e++) {
+        const int *edge = hull->seen[e / 3].corner;
+        const int from = edge[e % 3], to = edge[(e + 1) % 3];
         bool border = true;
 
         /* An edge of two removed faces is inside the border */
-        for (size_t k = 0; k < 3 * nseen && border; k++) {
-            border = seen[k / 3][k % 3] != to || seen[k / 3][(k + 1) % 3] != from;
+        for (size_t k = 0; k < 3 * hull->nseen && border; k++) {
+            const int *other = hull->seen[k / 3].corner;
+
+            border = other[k % 3] != to || other[(k + 1) % 3] != from;
         }
         if (border) {
-            memcpy(hull->face[kept++], (const int[3]){from, to, vertex}, sizeof *seen);
+            hull_add_face(hull, from, to, vertex);
         }
     }
-    hull->nface = kept;
     return true;
 }
 
 enum error_code import_make_hull(const struct import_mesh *mesh, struct arena *arena,
-                                 struct import_mesh *hull, struct error *error)
+                                 struct import_mesh *out, struct error *error)
 {
-    const size_t n = mesh->nvertex, most = 6 * n + HULL_SPARE;
-    int(*seen)[3] = arena_alloc(arena, most, sizeof *seen);
-    size_t steps = 0;
+    const size_t n = mesh->nvertex, most = 6 * n + HULL_SPARE, stride = n / 64 + 1;
+    struct hull hull = {.vertex = mesh->vertex,
+                        .nvertex = n,
+                        .face = arena_alloc(arena, most, sizeof *hull.face),
+                        .seen = arena_alloc(arena, most, sizeof *hull.seen)};
     double size;
 
-    *hull = *mesh;
-    hull->face = arena_alloc(arena, most, sizeof *hull->face);
-    if (!hull->face || !seen) {
+    *out = *mesh;
+    out->face = arena_alloc(arena, most, sizeof *out->face);
+    if (!hull.face || !hull.seen || !out->face) {
         return error_set(error, ERROR_MEMORY, "no memory for the hull of a mesh");
     }
-    size = hull_begin(hull);
+    size = hull_begin(&hull);
     if (!(size > 0.0)) {
         return error_set(error, ERROR_INPUT, "found a flat mesh, expected one with a volume");
     }
 
     /* Add the vertices in 64 rounds through the list, because neighbors in a file are close */
-    for (size_t i = 0; i < 64 * (n / 64 + 1); i++) {
-        const size_t vertex = i / (n / 64 + 1) + i % (n / 64 + 1) * 64;
+    for (size_t i = 0; i < 64 * stride; i++) {
+        const size_t vertex = i / stride + i % stride * 64;
 
-        if (vertex < n && !hull_add(hull, (int)vertex, HULL_FLAT * size, seen, &steps)) {
+        if (vertex < n && !hull_add(&hull, (int)vertex, HULL_FLAT * size)) {
             return error_set(error, ERROR_INPUT,
                              "found a convex hull of %zu faces and more for %zu vertices, expected "
                              "fewer: simplify the mesh",
-                             hull->nface, n);
+                             hull.nface, n);
         }
+    }
+    out->nface = hull.nface;
+    for (size_t f = 0; f < hull.nface; f++) {
+        memcpy(out->face[f], hull.face[f].corner, sizeof hull.face[f].corner);
     }
     return ERROR_NONE;
 }

@@ -78,7 +78,7 @@ double import_measure_mesh(const struct import_mesh *mesh, enum import_solid sol
 /* Makes the convex hull of a mesh's vertices; the hull uses the array of vertices. Returns
  * ERROR_INPUT for a flat mesh, and for a hull of so many faces that it takes too long. */
 enum error_code import_make_hull(const struct import_mesh *mesh, struct arena *arena,
-                                 struct import_mesh *hull, struct error *error);
+                                 struct import_mesh *out, struct error *error);
 
 /* Writes the mesh as an OBJ file, without colors. */
 enum error_code import_write_mesh(const struct import_mesh *mesh, const char *path,

@@ -563,3 +563,64 @@ TEST_WITH(files_are_read_and_what_is_no_file_is_refused, open_arena, close_arena
     assert_int_not_equal(import_read_mesh(path, one, &arena, &mesh, &error), ERROR_NONE);
     assert_int_equal(rmdir(folder), 0);
 }
+
+/* ---- convex hulls ---- */
+
+static double hull_measure(double center[3], double I[6])
+{
+    struct import_mesh hull;
+
+    assert_no_error(import_make_hull(&mesh, &arena, &hull, &error), error.text);
+    return import_measure_mesh(&hull, IMPORT_SOLID_EXACT, center, I);
+}
+
+/* A grid of points in a cube: most are inside it, many on its sides and edges */
+TEST_WITH(hull_of_points_in_a_cube_is_the_cube, open_arena, close_arena)
+{
+    enum { SIDE = 9 };
+    double(*vertex)[3] = arena_alloc(&arena, SIDE * SIDE * SIDE, sizeof *vertex), center[3], I[6];
+
+    mesh = (struct import_mesh){.nvertex = SIDE * SIDE * SIDE, .vertex = vertex};
+    for (int i = 0; i < SIDE * SIDE * SIDE; i++) {
+        vertex[i][0] = 0.1 + 0.3 * (i % SIDE) / (SIDE - 1);
+        vertex[i][1] = 0.3 * (i / SIDE % SIDE) / (SIDE - 1);
+        vertex[i][2] = 0.3 * (i / SIDE / SIDE) / (SIDE - 1);
+    }
+    assert_near(hull_measure(center, I), 0.027, 1e-12);
+    assert_near(center[0], 0.25, 1e-12);
+    assert_near(I[0], 0.027 * 0.09 / 6, 1e-14);
+    assert_near(I[1], 0.0, 1e-14);
+    for (int i = 0; i < SIDE * SIDE * SIDE; i++) {
+        vertex[i][2] = 0.2;
+    }
+    assert_int_equal(import_make_hull(&mesh, &arena, &mesh, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "flat"));
+}
+
+/* A hull with as many corners as the mesh, on a sphere: close for few, refused for too many */
+TEST_WITH(hull_of_a_sphere_encloses_it_or_is_refused, open_arena, close_arena)
+{
+    static const size_t count[] = {4000, 40000};
+    double center[3], I[6];
+
+    for (int k = 0; k < 2; k++) {
+        double(*vertex)[3] = arena_alloc(&arena, count[k], sizeof *vertex);
+        struct import_mesh hull;
+
+        mesh = (struct import_mesh){.nvertex = count[k], .vertex = vertex};
+        for (size_t i = 0; i < count[k]; i++) {
+            const double z = 2 * ((double)i + 0.5) / (double)count[k] - 1;
+
+            vertex[i][0] = sqrt(1 - z * z) * cos(2.399963 * (double)i);
+            vertex[i][1] = sqrt(1 - z * z) * sin(2.399963 * (double)i);
+            vertex[i][2] = z;
+        }
+        if (k == 0) {
+            assert_near(hull_measure(center, I), 4.0 / 3.0 * M_PI, 1.5e-2);
+            assert_near(I[0], 8.0 / 15.0 * M_PI, 1e-2);
+        } else {
+            assert_int_equal(import_make_hull(&mesh, &arena, &hull, &error), ERROR_INPUT);
+            assert_non_null(strstr(error.text, "simplify the mesh"));
+        }
+    }
+}

@@ -792,6 +792,37 @@ TEST_WITH(effort_of_a_balanced_wheel_counts, open_default, close_arena)
     assert_true(noted(IMPORT_ASSUMED, 4, "the file's effort 1000 is a placeholder"));
 }
 
+/* Wheels without effort move their share of the weight, against their friction and damping */
+TEST_WITH(wheels_without_effort_are_strong_enough_to_drive, open_default, close_arena)
+{
+    import_good(ROBOT(LINK("base") LINK("v") LINK("w")
+                          JOINT("j", "continuous", "base", "v", "<axis xyz='0 1 0'/>")
+                              JOINT("k", "continuous", "base", "w",
+                                    "<axis xyz='0 1 0'/><dynamics friction='2' damping='0.5'/>")));
+    assert_true(made.rolls && made.robot->floating);
+    assert_true(made.robot->joint[0].torque_limit >= 0.5 * 3 * 9.81 * 0.1 - 1e-9);
+    assert_near(made.robot->joint[1].torque_limit,
+                made.robot->joint[0].torque_limit + 2 + 0.5 * 2 * M_PI, 1e-9);
+}
+
+TEST_WITH(limits_that_no_run_reaches_mean_none, open_default, close_arena)
+{
+    static const char *const limits[] = {"lower='-1e6' upper='1e6'", "lower='-1e16' upper='1e16'",
+                                         ""};
+
+    for (size_t i = 0; i < sizeof limits / sizeof *limits; i++) {
+        char text[1024];
+
+        snprintf(text, sizeof text,
+                 ROBOT(LINK("base") LINK("w") JOINT("j", "revolute", "base", "w",
+                                                    "<limit %s effort='5' velocity='20'/>")),
+                 limits[i]);
+        import_good(text);
+        assert_int_equal(model.joint[0].type, IMPORT_CONTINUOUS);
+        assert_true(noted(IMPORT_CHANGED, 4, "mean none"));
+    }
+}
+
 TEST_WITH(shapes_of_size_0_are_dropped, open_default, close_arena)
 {
     static const char *const shapes[] = {"<box size='0 0 0'/>", "<box size='1 0 1'/>",
