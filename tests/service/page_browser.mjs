@@ -8,7 +8,7 @@ import { begin, check, test, variance, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const source = process.env.HIL_SOURCE_DIR;
-const TESTS = 19;
+const TESTS = 20;
 const PATIENCE_MS = 3 * WAIT_MS; // the processor draws, and simulates in real time
 
 /** A rig whose squat outlasts the slowest browser. */
@@ -144,6 +144,12 @@ async function judge(browser, work) {
   await fresh.click('[aria-label=keys]');
   await fresh.click('.help button.plain');
   check(await fresh.isVisible('#welcome'), 'and opens from the list of keys');
+  await fresh.setViewportSize({ width: 400, height: 640 });
+  const covered = await fresh.evaluate(() => [...document.querySelectorAll('#welcome button')].filter((button) => {
+    const { x, y, width, height } = button.getBoundingClientRect();
+    return document.elementFromPoint(x + width / 2, y + height / 2) !== button;
+  }).map((button) => button.textContent));
+  check(covered.length === 0, 'a telephone shows the whole card', covered);
   await fresh.close();
   await page.click('#pause');
 
