@@ -17,12 +17,15 @@
 #include "model/coupling.h"
 #include "model/implicit/private.h"
 
+#include <math.h>
 #include <string.h>
 
 /* Limits of the conjugate gradients: number of steps, and residual relative to the first residual
- * (squared, in the norm of P^-1). */
+ * (squared, in the norm of P^-1). The floor, 1e-12 m/s2 of 1 kg, is above the rounding of a robot
+ * at rest, N m/s2. */
 enum { COUPLING_STEPS = 16 };
 #define COUPLING_LEFT 1e-8
+#define COUPLING_FLOOR 1e-24
 
 /* Iterations for the gyroscopic moments of free bodies. */
 enum { GYROSCOPIC_PASSES = 3 };
@@ -276,7 +279,6 @@ void implicit_solve(struct plant *plant)
          * bodies, because C produces no other loads. Accuracy: relative to the stage's first
          * residual. */
         const size_t bytes = plant->config.ncontact * sizeof *im->r;
-        double rz;
 
         /* Start with the solution of P, its residual -C a - held, and the first direction */
         memcpy(im->uncoupled, im->a, im->na * sizeof *im->a);
@@ -284,22 +286,31 @@ void implicit_solve(struct plant *plant)
         memset(im->r, 0, bytes);
         add_coupling(plant, -1.0, im->twist_z, im->r);
         combine_spatial(im, -1.0, im->held, 1.0, im->r);
-        rz = apply_preconditioner(plant);
+
+        double rz = apply_preconditioner(plant);
+
         im->first_residual = im->first_residual > 0.0 ? im->first_residual : rz;
         memcpy(im->p, im->z, im->na * sizeof *im->p);
         memcpy(im->twist_p, im->twist_z, bytes);
         memcpy(im->s, im->r, bytes);
 
-        for (int step = 0; step < COUPLING_STEPS && rz > COUPLING_LEFT * im->first_residual;
-             step++) {
-            double length, last = rz;
+        const double enough = fmax(COUPLING_LEFT * im->first_residual, COUPLING_FLOOR);
 
-            /* Move along p until the residual is orthogonal to p */
+        for (int step = 0; step < COUPLING_STEPS && rz > enough; step++) {
+            const double last = rz;
+
+            /* Move along p until the residual is orthogonal to p. P + C is positive: a curvature
+             * that is not is rounding */
             memcpy(im->w, im->s, bytes);
             add_coupling(plant, 1.0, im->twist_p, im->w);
-            length = rz / inner_product(im, im->w, im->twist_p);
-            add_scaled(length, im->p, im->a, im->na);
-            combine_spatial(im, -length, im->w, 1.0, im->r);
+
+            const double curvature = inner_product(im, im->w, im->twist_p);
+
+            if (curvature <= 0.0) {
+                break;
+            }
+            add_scaled(rz / curvature, im->p, im->a, im->na);
+            combine_spatial(im, -(rz / curvature), im->w, 1.0, im->r);
 
             /* Compute the next direction, conjugate to all earlier directions */
             rz = apply_preconditioner(plant);

@@ -264,6 +264,30 @@ TEST(coman_comes_to_lie_on_the_ground)
     assert_true(worst.beyond < 1e-3);
 }
 
+TEST(coman_lies_at_rest_for_a_minute)
+{
+    static struct rig_scene scene;
+    const long long seed = from_environment("HIL_FALL", 1);
+    const double *state;
+    size_t count;
+
+    rig_scene_init(&scene, &coman);
+    run_fall(&scene, &from_low, 0, (uint64_t)seed);
+    /* The residual of the contact solver is rounding alone: it may not grow */
+    for (int ms = 0; ms < 60000; ms++) {
+        enum error_code code = plant_step(scene.plant, scene.steps);
+
+        if (code) {
+            fail_msg("fall %lld, %d ms at rest: %s", seed, ms, plant_failure(scene.plant));
+        }
+    }
+    state = plant_state(scene.plant, &count) + scene.robot->nq;
+    for (size_t i = 0; i < scene.robot->nv; i++) {
+        assert_true(fabs(state[i]) < 1e-6);
+    }
+    rig_scene_fini(&scene);
+}
+
 static void coman_falls_hard(const struct rig_scene_choice *choice, double top)
 {
     struct fall worst =
