@@ -39,8 +39,9 @@ enum error_code listen_at(const char *who, const char *host, uint16_t port, int 
              bind(*listener, address->ai_addr, address->ai_addrlen) || listen(*listener, BACKLOG) ||
              getsockname(*listener, (struct sockaddr *)bound, &length);
     freeaddrinfo(address);
-    return failed ? error_set_errno(error, errno, "%s: cannot listen at %.60s port %u", who, host,
-                                    port)
+    return failed ? error_set_errno(error, errno,
+                                    "%s: cannot listen at %.60s port %u (0: any free one)", who,
+                                    host, port)
                   : ERROR_NONE;
 }
 

@@ -31,7 +31,9 @@ class Control:
             self._socket.connect(path)
         except OSError as error:
             self._socket.close()
-            raise SimulatorError(f"{path}: {error.strerror or error}") from None
+            raise SimulatorError(f"{path}: {error.strerror or error}: no simulator has its control "
+                                 "socket there; `coman-hil run RIG` prints its path, and --control "
+                                 "PATH sets it") from None
         try:
             hello = self.request("hello")
         except SimulatorError:
