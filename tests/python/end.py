@@ -52,6 +52,8 @@ def test_a_newer_protocol_of_the_control_socket_is_refused():
         with raises(SimulatorError, "newer: found protocol 2, expected 1", "coman-hil 9.0.0"):
             Control(path, 20)
         thread.join(20)
+        with raises(SimulatorError, "none: No such file", "coman-hil run RIG"):
+            Control(os.path.join(folder, "none"))
 
 
 def test_an_end_leaves_nothing():
