@@ -294,7 +294,7 @@ double plant_supply(const struct plant *plant)
     double source = supply_source(plant), rest;
 
     if (plant->config.bus.capacitance_f > 0.0) {
-        return plant->state[plant->at.supply + SUPPLY_VOLTAGE];
+        return fmax(SUPPLY_LEAST_V, plant->state[plant->at.supply + SUPPLY_VOLTAGE]);
     }
     if (plant->config.supply_ohm == 0.0) {
         return source;

@@ -27,6 +27,10 @@ void supply_rates(const struct supply_bus *bus, double source_v, double ohm, dou
     rates->source_loss = ohm * I * I;
     rates->chopper = V * brake;
     rates->voltage = (I - brake - power / V) / bus->capacitance_f;
+    if (state[SUPPLY_VOLTAGE] <= SUPPLY_LEAST_V && rates->voltage < 0.0) {
+        rates->source -= bus->capacitance_f * V * rates->voltage;
+        rates->voltage = 0.0;
+    }
 }
 
 void supply_switch_chopper(const struct supply_bus *bus, double state[SUPPLY_STATE])

@@ -153,6 +153,49 @@ TEST(braking_lifts_the_bus_by_its_energy)
     assert_true(found.most > 58.0);
 }
 
+/* The source fails while a jammed motor takes power: the bus goes down to its least voltage, at
+ * which the missing power counts as the source's. */
+TEST(a_bus_without_source_stays_at_its_least_voltage)
+{
+    static const enum plant_integrator integrators[] = {PLANT_IMPLICIT, PLANT_RK4, PLANT_DOPRI5};
+    const double none[3] = {0.0, 0.0, 0.0}, z[3] = {0.0, 0.0, 1.0};
+    const double I[6] = {0.02, 0.0, 0.0, 0.02, 0.0, 0.02};
+
+    for (size_t i = 0; i < 6; i++) {
+        const bool implicit = i % 3 == 0, law = i / 3 == 1;
+        struct plant_energy energy;
+        struct toy_plant p;
+
+        toy_plant_begin(&p, integrators[i % 3], implicit ? MS : MS / 50);
+        p.config.rtol = p.config.atol = 1e-9;
+        p.config.supply_ohm = 0.1;
+        p.config.bus = (struct supply_bus){.capacitance_f = 0.001};
+        toy_begin(&p.toy, false, 1.0, none, I);
+        p.toy.joint[toy_add(&p.toy, 0, JOINT_REVOLUTE, z, none, 2.0, none, I)].sea =
+            toy_drive(400.0);
+        toy_plant_open(&p);
+        assert_ok(plant_reset(p.plant, NULL, NULL, none));
+        p.motor[0] = (struct motor_command){.bridge_on = true,
+                                            .voltage_v = 20.0,
+                                            .condition = DRIVE_JAM,
+                                            .law = {.on = law, .current_a = 20.0, .limit_a = 40.0}};
+        for (int k = 0; k < 200; k++) {
+            if (k == 20) {
+                plant_set_source(p.plant, 0.0);
+            }
+            assert_ok(plant_step(p.plant, implicit ? 1 : 50));
+            assert_ok(plant_sample(p.plant));
+            assert_true(plant_sensors(p.plant)->supply_v >= 0.9 * SUPPLY_LEAST_V);
+        }
+        /* What is left is a volt at the winding */
+        assert_near(p.state[2 + DRIVE_CURRENT], SUPPLY_LEAST_V / toy_drive(400.0).R, 0.05);
+        assert_ok(plant_energy(p.plant, &energy));
+        /* A step may end within the energy that the bus has at twice its least voltage */
+        assert_near(energy.balance, 0.0, 0.5 * 0.001 * pow(2.0 * SUPPLY_LEAST_V, 2.0));
+        arena_fini(&p.arena);
+    }
+}
+
 TEST(a_chopper_holds_the_bus)
 {
     const double kinetic = 0.5 * 0.1387 * 100.0;
