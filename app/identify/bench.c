@@ -342,11 +342,6 @@ static enum error_code check_bench(struct bench *bench, struct error *error)
             return ERROR_INPUT;
         }
     }
-    if (bench->ngroup_number > GROUP_NUMBERS_MAX) {
-        return yaml_error(error, &bench->group_number[GROUP_NUMBERS_MAX].mark,
-                          "found more than %d numbers of groups, expected fewer",
-                          GROUP_NUMBERS_MAX);
-    }
     for (size_t i = 0; i < bench->nfree; i++) {
         struct bench_free *one = &bench->free[i];
 
@@ -380,21 +375,14 @@ enum error_code bench_read(const char *path, struct arena *arena, struct bench *
 enum error_code bench_of_own(const char *joint, struct arena *arena, struct bench *bench,
                              struct error *error)
 {
-    static const char text[] =
-        "{name: own, source: recordings of coman-hil run --record, license: own, columns: {time: "
-        "time_s, position: q_*_rad, voltage: voltage_*_v, current: current_*_a, "
-        "voltage_before: true}}";
+    char text[512];
+    const int size = snprintf(text, sizeof text,
+                              "{name: own, source: recordings of coman-hil run --record, license: "
+                              "own, columns: {time: time_s, position: q_*_rad, voltage: "
+                              "voltage_*_v, current: current_*_a, voltage_before: true}%s%.63s%s}",
+                              joint ? ", joints: [\"" : "", joint ? joint : "", joint ? "\"]" : "");
     enum error_code code =
-        yaml_read_text("own", text, sizeof text - 1, &bench_schema, arena, bench, error);
-
-    if (!code && joint) {
-        bench->joint = arena_alloc(arena, 1, sizeof *bench->joint);
-        if (!bench->joint) {
-            return error_set(error, ERROR_MEMORY, "no memory for a bench");
-        }
-        *bench->joint = (struct bench_joint){.joint = joint};
-        bench->njoint = 1;
-    }
+        yaml_read_text("--joint", text, (size_t)size, &bench_schema, arena, bench, error);
 
     bench->columns.current_is_optional = true;
     return code;
@@ -654,7 +642,7 @@ static void skip_rows(struct recording *r, size_t rows)
 }
 
 /* Names the recordings of the joints of a file. Those of a log get a common zero of time. Those of
- * a run begin when a drive gets its first voltage: until then a brake may hold the joints. */
+ * a run begin with the first voltage or motion: until then a brake may hold the joints. */
 static enum error_code finish_recording(const struct identify_bench *bench, struct arena *arena,
                                         struct recording *r, struct error *error)
 {
@@ -668,7 +656,10 @@ static enum error_code finish_recording(const struct identify_bench *bench, stru
     }
     while (!moved && still + 16 < r->count) {
         for (size_t k = 0; k < trial->njoint; k++) {
-            moved |= r[k].voltage[still + 1] != 0.0;
+            const double *position = r[k].signal[SIGNAL_POSITION];
+
+            moved |=
+                r[k].voltage[still + 1] != 0.0 || (position && position[still + 1] != position[0]);
         }
         still += !moved;
     }

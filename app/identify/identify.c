@@ -21,46 +21,38 @@ static const double RANGES_MAX = 1.5;
  * and measured currents can raise the mean error a little. */
 static const double WORSE = 1.05;
 
-/* Sets a number of a bench in the trial, for all recordings or for a group. */
-static enum error_code set_number(struct identify_bench *bench, const struct yaml_mark *mark,
-                                  const char *name, const char *group, double value,
-                                  struct error *error)
+/* Replaces the numbers of the drives by the numbers of a bench and of its groups. */
+static enum error_code set_numbers(struct identify_bench *bench, struct error *error)
 {
-    int parameter[TRIAL_JOINTS_MAX];
-    size_t count;
+    const size_t nnumber = bench->bench.nnumber, all = nnumber + bench->bench.ngroup_number;
+    struct trial_robot *trial = &bench->trial;
 
-    if (parameter_resolve(&bench->trial, name, parameter, &count, error)) {
-        return error_prefix(error, "%s:%d:%d", mark->file, mark->line, mark->column);
-    }
-    for (size_t i = 0; i < count; i++) {
-        if (group) {
-            parameter_set_group(
-                &bench->trial,
-                &(struct group_number){.group = group, .parameter = parameter[i], .value = value});
-        } else {
-            parameter_set(&bench->trial, &parameter[i], &value, 1);
+    trial->mount = bench->bench.mount;
+    for (size_t i = 0; i < all; i++) {
+        const struct yaml_real_entry *number = &bench->bench.number[i];
+        struct group_number one =
+            i < nnumber ? (struct group_number){number->mark, NULL, number->name, number->value, 0}
+                        : bench->bench.group_number[i - nnumber];
+        int parameter[TRIAL_JOINTS_MAX];
+        size_t count;
+
+        if (parameter_resolve(trial, one.key, parameter, &count, error)) {
+            return error_prefix(error, "%s:%d:%d", one.mark.file, one.mark.line, one.mark.column);
+        }
+        for (size_t k = 0; k < count; k++) {
+            one.parameter = parameter[k];
+            if (!one.group) {
+                parameter_set(trial, &one.parameter, &one.value, 1);
+            } else if (trial->ngroup < GROUP_NUMBERS_MAX) {
+                parameter_set_group(trial, &one);
+            } else {
+                return yaml_error(error, &one.mark,
+                                  "found more than %d numbers of groups, expected fewer",
+                                  GROUP_NUMBERS_MAX);
+            }
         }
     }
     return ERROR_NONE;
-}
-
-/* Replaces the numbers of the drives by the numbers of a bench. */
-static enum error_code set_numbers(struct identify_bench *bench, struct error *error)
-{
-    enum error_code code = ERROR_NONE;
-
-    for (size_t i = 0; i < bench->bench.nnumber && !code; i++) {
-        const struct yaml_real_entry *number = &bench->bench.number[i];
-
-        code = set_number(bench, &number->mark, number->name, NULL, number->value, error);
-    }
-    for (size_t i = 0; i < bench->bench.ngroup_number && !code; i++) {
-        const struct group_number *number = &bench->bench.group_number[i];
-
-        code = set_number(bench, &number->mark, number->key, number->group, number->value, error);
-    }
-    bench->trial.mount = bench->bench.mount;
-    return code;
 }
 
 /* Finds the joint that leads joint j's drive: with the same name of a drive in the bench, or with
@@ -94,6 +86,7 @@ static enum error_code take_joints(struct identify_bench *bench, struct error *e
     memcpy(trial->body, robot->body, robot->nbody * sizeof *robot->body);
     for (size_t j = 0; j < robot->njoint; j++) {
         trial->joint[j] = robot->joint[j];
+        trial->drive[j] = -1;
         trial->bench[j].command_gain = 1.0;
         if (robot->joint[j].sea.effects) {
             trial->effects[j] = *robot->joint[j].sea.effects;
@@ -111,14 +104,13 @@ static enum error_code take_joints(struct identify_bench *bench, struct error *e
             again |= trial->at[i] == j;
         }
         if (j < 0 || again || !robot->joint[j].sea.present) {
-            return error_set(error, ERROR_INPUT,
-                             "%s: found %s joint \"%.63s\", expected each joint with an electric "
-                             "drive once, as \"%.63s\"",
-                             robot->file,
-                             j < 0   ? "no"
-                             : again ? "again"
-                                     : "no drive at",
-                             one->joint, robot->joint[0].name);
+            return yaml_error(error, &one->mark,
+                              "found %s joint \"%.63s\", expected each joint of the robot with an "
+                              "electric drive once, as \"%.63s\"",
+                              j < 0   ? "no"
+                              : again ? "again"
+                                      : "no drive at",
+                              one->joint, robot->joint[0].name);
         }
         trial->at[trial->njoint++] = j;
     }

@@ -107,7 +107,8 @@ struct trial_robot {
     struct bench_numbers bench[TRIAL_JOINTS_MAX];
     size_t njoint;
     int at[TRIAL_JOINTS_MAX];
-    int drive[TRIAL_JOINTS_MAX]; /* by joint of the robot: the first joint with its drive */
+    /* by joint of the robot: the first joint with its drive, or -1 = not identified */
+    int drive[TRIAL_JOINTS_MAX];
     struct bench_mount mount;
     /* feedback of measured positions to the commands, in largest commands per rad; 0 = none */
     double guide;

@@ -36,23 +36,12 @@ static void add_arm(double arm_kg, struct robot_inertia *inertia)
     inertia->mass = total;
 }
 
-/* Returns whether a trial identifies joint j. */
-static bool is_identified(const struct trial_robot *trial, size_t j)
-{
-    bool found = false;
-
-    for (size_t k = 0; k < trial->njoint; k++) {
-        found |= trial->at[k] == (int)j;
-    }
-    return found;
-}
-
 /* Completes a trial in place: sets the pointers to its own parts, and adds the arm's mass. Puts the
  * mount of the output in place: an inertia about the joint's axis without gravity, behind the
  * spring of a load cell at the angle `start`. Like the reader of a robot file, it enables the
- * effects only if one is set, or if the output swings on the spring by more than 1 rad in a substep:
- * there the implicit integrator's torque of a drive without effects is up to four times too large.
- * Brakes hold the driven joints that are not identified. */
+ * effects only if one is set, or if the output swings on the spring by more than 1 rad in a
+ * substep: there the implicit integrator's torque of a drive without effects is up to four times
+ * too large. Brakes hold the driven joints that are not identified. */
 static void settle_trial(struct trial_robot *trial, double substep_s, const double *start)
 {
     static const struct robot_effects none;
@@ -81,7 +70,7 @@ static void settle_trial(struct trial_robot *trial, double substep_s, const doub
             joint->sea.effects = light || memcmp(&trial->effects[j], &none, sizeof none) != 0
                                      ? &trial->effects[j]
                                      : NULL;
-            if (!is_identified(trial, j)) {
+            if (trial->drive[j] < 0) {
                 joint->sea.present = joint->hydraulic.present = false;
                 joint->passive = BRAKE;
                 joint->passive.rest = start[j];
@@ -144,7 +133,7 @@ struct joint_run {
     const struct robot_joint *joint;
     const struct motor_sense *sense;
     struct motor_command *command;
-    struct torque_loop *loop; /* NULL = none */
+    struct torque_loop loop;
     struct simulated *out;
     double guide;             /* feedback of the measured position, unit of the command per rad */
     double lock_nm_rad;       /* stiffness of the load cell; 0 = the torque of the drive */
@@ -203,11 +192,11 @@ static void command_joint(const struct rig *rig, const struct bench_law *law, st
         return;
     }
     given = r->voltage[r->voltage_before && run->row + 1 < r->count ? run->row + 1 : run->row];
-    if (run->loop) {
+    if (law->torque_kp > 0.0) {
         const double tick = 1e-9 * (double)rig->tick_ns;
 
-        run->loop->torque[k % TORQUES] = run->value[1][SIGNAL_LOAD_TORQUE];
-        given = run_torque_loop(law, run->loop, k, tick, now, r->voltage[run->row]);
+        run->loop.torque[k % TORQUES] = run->value[1][SIGNAL_LOAD_TORQUE];
+        given = run_torque_loop(law, &run->loop, k, tick, now, r->voltage[run->row]);
     }
     command->voltage_v = run->bench->command_gain * given;
     if (run->guide > 0.0) {
@@ -277,7 +266,7 @@ enum error_code simulate_recording(const struct rig *rig, const struct trial_rob
                                    struct simulated *out, struct error *error)
 {
     struct trial_robot trial = *given;
-    struct joint_run run[TRIAL_JOINTS_MAX];
+    struct joint_run *run;
     struct dynamics dynamics;
     struct plant *plant;
     struct arena arena;
@@ -298,6 +287,10 @@ enum error_code simulate_recording(const struct rig *rig, const struct trial_rob
     }
     settle_trial(&trial, 1e-9 * (double)rig->substep_ns, start);
     code = make_plant(rig, &trial, start, &dynamics, &arena, &plant, error);
+    run = arena_alloc(&arena, trial.njoint, sizeof *run);
+    if (!code && !run) {
+        code = error_set(error, ERROR_MEMORY, "no memory for a simulation");
+    }
     for (size_t i = 0; i < trial.njoint && !code; i++) {
         const int j = trial.at[i];
 
@@ -307,17 +300,10 @@ enum error_code simulate_recording(const struct rig *rig, const struct trial_rob
                                     .sense = &plant_sensors(plant)->motor[j],
                                     .command = &plant_command(plant)->motor[j],
                                     .out = &out[i],
+                                    .loop.taken = -INFINITY,
                                     .lock_nm_rad = trial.mount.lock_nm_rad};
         for (size_t k = 0; k < recording[i].count && recording[i].signal[SIGNAL_POSITION]; k++) {
             run[i].guide = fmax(run[i].guide, trial.guide * fabs(recording[i].voltage[k]));
-        }
-        if (law->torque_kp > 0.0) {
-            run[i].loop = arena_alloc(&arena, 1, sizeof *run[i].loop);
-            if (!run[i].loop) {
-                code = error_set(error, ERROR_MEMORY, "no memory for a loop");
-            } else {
-                run[i].loop->taken = -INFINITY;
-            }
         }
     }
     if (!code) {
