@@ -10,7 +10,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 . "$source/tests/service/tap.sh"
 tap_show=$work/out
-echo "1..24"
+echo "1..25"
 
 # arm FOLDER OHM: a pendulum on a drive of the catalogue with friction by load
 arm() {
@@ -195,6 +195,21 @@ python3 "$source/config/validation/sea-rmd-x8.py" "$work/clone" "$work/made" >"$
     [ "$(cd "$work/made" && echo *)" = "chirp-0.5nm-2.csv closed-chirp-2nm.csv step-3nm.csv" ] &&
     [ "$(tail -1 "$work/made/step-3nm.csv")" = 0.123457,3,2.5,1e-09 ]
 result $? "its script converts the recordings of the repository"
+
+# A state of 8 samples, and one of less torque at the same speed, at the limit of the voltage
+mkdir -p "$work/dyno/Logs"
+awk 'BEGIN { OFS = ","; for (i = 1; i <= 8; i++) print i, -0.5, -10, 18, i, 1
+    print 9, 0, 0, 0, 0, 0; for (i = 1; i <= 8; i++) print i, -0.4, -10, 18, i, 1 }' \
+    >"$work/dyno/Logs/u8_pro_emap.csv"
+for log in _2 _regen; do
+    cp "$work/dyno/Logs/u8_pro_emap.csv" "$work/dyno/Logs/u8_pro_emap$log.csv"
+done
+python3 "$source/config/validation/dyno-u8.py" "$work/dyno" "$work/states" >"$work/out" 2>&1 &&
+    [ "$(tail -1 "$work/states/fit.csv")" = -0.5,-10,18,5.5,6 ] &&
+    [ "$(tail -1 "$work/states/limit.csv")" = -0.4,-10,18,5.5,6 ] &&
+    cmp <(head -1 "$source/config/validation/data/dyno-u8/regen.csv") \
+        <(head -1 "$work/states/regen.csv")
+result $? "the script of the dynamometer converts its recordings"
 
 if [ ! -d "${HIL_MEASURED:-}/sea-rmd-x8" ]; then
     skip "the measured actuator is within its limits" "HIL_MEASURED names no folder of recordings"
