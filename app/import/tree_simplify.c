@@ -303,8 +303,8 @@ static void simplify_sum_inertias(struct simplifier *r)
 
 /* ---- the base ---- */
 
-/* Counts the limbs on the base that have two joints or more. Wheels: counts those that begin with
- * a continuous joint. */
+/* Counts the limbs on the base that have two joints or more. wheels: counts those that are a
+ * continuous joint and nothing else. */
 static size_t robot_count_limbs(const struct import_robot *out, bool wheels)
 {
     const struct robot *robot = out->robot;
@@ -326,7 +326,8 @@ static size_t robot_count_limbs(const struct import_robot *out, bool wheels)
             }
             joints += up == (int)b;
         }
-        limbs += wheels ? out->source[b - 1]->type == IMPORT_CONTINUOUS : joints >= 2;
+        limbs +=
+            wheels ? joints == 1 && out->source[b - 1]->type == IMPORT_CONTINUOUS : joints >= 2;
     }
     return limbs;
 }
