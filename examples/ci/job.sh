@@ -1,8 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
 # The job: builds the controller and tests it. Results are in results/*.xml (JUnit). It needs the
-# packages coman-hil, libcoman-hil-client-dev, python3-coman-hil, gcc, pkg-config and python3-pytest,
-# no privileges and no CAN in the kernel.
+# packages coman-hil, libcoman-hil-client-dev, python3-coman-hil, gcc, pkg-config and
+# python3-pytest, no privileges and no CAN in the kernel.
 set -eu
 mkdir -p build results
 coman-hil check rig.yaml >results/check.txt
