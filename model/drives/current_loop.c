@@ -117,10 +117,11 @@ struct loop_regime loop_find_regime(const struct loop_span *span, double t,
     const double V = loop_voltage(span, target, state);
 
     if (fabs(V) > span->loop->supply * (1.0 + LIMIT_TOLERANCE)) {
-        return (struct loop_regime){LOOP_SATURATED, V > 0.0 ? 1.0 : -1.0};
+        return (struct loop_regime){.kind = LOOP_SATURATED, .side = V > 0.0 ? 1.0 : -1.0};
     }
-    return target == whole ? (struct loop_regime){LOOP_FREE, 0.0}
-                           : (struct loop_regime){LOOP_LIMITED, target < whole ? 1.0 : -1.0};
+    return target == whole
+               ? (struct loop_regime){.kind = LOOP_FREE}
+               : (struct loop_regime){.kind = LOOP_LIMITED, .side = target < whole ? 1.0 : -1.0};
 }
 
 /* Advances a state and its slope by a flow that starts at t, `passed` seconds after the start of
@@ -253,8 +254,12 @@ struct loop_line loop_linearize(const struct loop_step *step, const struct loop_
     case LOOP_LIMITED:
         return (struct loop_line){.I = step->I + part * (regime->side * law->limit - step->I)};
     default:
+        if (step->hold > 0.0 && regime->flow == 0.0) {
+            return (struct loop_line){0};
+        }
         return (struct loop_line){
-            .I = (step->L * step->I + step->length * regime->side * (loop->supply - step->hold)) /
+            .I = (step->L * step->I +
+                  step->length * (regime->side * loop->supply - regime->flow * step->hold)) /
                  winding,
             .yield = step->length * step->Kw / winding,
         };
@@ -269,15 +274,24 @@ bool loop_revise_regime(const struct loop_step *step, double v, struct loop_regi
     const double I = line.I - line.yield * v;
     const double V = step->R * I + step->L * (I - step->I) / step->length + step->Kw * v;
 
+    const double side = V > 0.0 ? 1.0 : -1.0, flow = step->I != 0.0 ? copysign(1.0, step->I) : side;
+
     if (regime->kind == LOOP_SATURATED) {
-        return false;
+        const bool turns = step->hold > 0.0 && I * regime->flow < 0.0;
+
+        /* A current that ends flows on to the other side or, if that leads back, not at all */
+        if (turns) {
+            regime->flow = regime->turned ? 0.0 : -regime->flow;
+            regime->turned = true;
+        }
+        return turns;
     }
     if (regime->kind == LOOP_FREE && fabs(target) > end_command(step)->limit) {
-        *regime = (struct loop_regime){LOOP_LIMITED, target > 0.0 ? 1.0 : -1.0};
+        *regime = (struct loop_regime){.kind = LOOP_LIMITED, .side = target > 0.0 ? 1.0 : -1.0};
         return true;
     }
-    if (fabs(V) + step->hold > loop->supply * (1.0 + LIMIT_TOLERANCE)) {
-        *regime = (struct loop_regime){LOOP_SATURATED, V > 0.0 ? 1.0 : -1.0};
+    if (fabs(V) + flow * side * step->hold > loop->supply * (1.0 + LIMIT_TOLERANCE)) {
+        *regime = (struct loop_regime){.kind = LOOP_SATURATED, .side = side, .flow = flow};
         return true;
     }
     return false;
@@ -299,7 +313,7 @@ void loop_step_implicit(const struct loop_span *span, double length, struct sea_
                                    .I = state->I,
                                    .qm = state->qm};
     struct loop_step whole = step;
-    struct loop_regime regime = {LOOP_FREE, 0.0};
+    struct loop_regime regime = {.kind = LOOP_FREE};
     struct loop_line line;
     double v, G;
 

@@ -44,6 +44,8 @@ enum loop_kind {
 struct loop_regime {
     enum loop_kind kind;
     double side; /* sign of the limit that holds */
+    double flow; /* LOOP_SATURATED in a bridge with loss: sign of the current; 0 = none flows */
+    bool turned; /* the sign has turned once */
 };
 
 /* Returns the command in force t seconds after the start of the substep. */
@@ -94,7 +96,7 @@ void loop_step_implicit(const struct loop_span *span, double length, struct sea_
 struct loop_step {
     const struct current_loop *loop;
     double R, L, Kw; /* of the warm drive */
-    double hold;     /* voltage lost in the bridge, V */
+    double hold;     /* voltage that the bridge takes against the current, V */
     double t, h, length;
     double I, qm; /* at the start */
 };
@@ -106,7 +108,7 @@ struct loop_line {
 struct loop_line loop_linearize(const struct loop_step *step, const struct loop_regime *regime);
 
 /* Changes a regime to the regime that holds at the end, v being the solution in this regime. Begin
- * with LOOP_FREE. Returns false if the regime holds: at the latest in the third call. */
+ * with LOOP_FREE. Returns false if the regime holds: at the latest in the fifth call. */
 bool loop_revise_regime(const struct loop_step *step, double v, struct loop_regime *regime);
 
 #endif

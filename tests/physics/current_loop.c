@@ -405,12 +405,14 @@ TEST(drives_with_effects_agree_with_dopri5_under_a_law)
     static const struct {
         struct robot_effects effects;
         double stiffness, limit, supply, tolerance;
+        bool by_rk4; /* dopri5 does not step over the loss that turns with the current */
     } rows[] = {
-        {{.coulomb = 0.8, .breakaway = 0.8}, 0.0, 40.0, 48.0, 2e-3},
-        {{.coulomb = 0.8, .breakaway = 0.8}, 100.0, 3.0, 48.0, 5e-3},
-        {{.backlash = 5e-3}, 100.0, 40.0, 10.0, 5e-3},
-        {{.hysteresis = 2.0, .hysteresis_stiffness = 300.0}, 100.0, 40.0, 48.0, 5e-3},
-        {{.dead_time = 1e-6, .pwm = 2e4, .bridge_ohm = 0.1}, 100.0, 40.0, 48.0, 5e-3},
+        {{.coulomb = 0.8, .breakaway = 0.8}, 0.0, 40.0, 48.0, 2e-3, false},
+        {{.coulomb = 0.8, .breakaway = 0.8}, 100.0, 3.0, 48.0, 5e-3, false},
+        {{.backlash = 5e-3}, 100.0, 40.0, 10.0, 5e-3, false},
+        {{.hysteresis = 2.0, .hysteresis_stiffness = 300.0}, 100.0, 40.0, 48.0, 5e-3, false},
+        {{.dead_time = 1e-6, .pwm = 2e4, .bridge_ohm = 0.1}, 100.0, 40.0, 48.0, 5e-3, false},
+        {{.dead_time = 5e-6, .pwm = 2e4}, 100.0, 40.0, 3.0, 5e-3, true},
     };
 
     for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
@@ -420,7 +422,11 @@ TEST(drives_with_effects_agree_with_dopri5_under_a_law)
 
         sea.effects = &rows[i].effects;
         for (int k = 0; k < 2; k++) {
-            start(&p[k], sea, k ? PLANT_DOPRI5 : PLANT_IMPLICIT, k ? MS / 20 : MS);
+            start(&p[k], sea,
+                  !k               ? PLANT_IMPLICIT
+                  : rows[i].by_rk4 ? PLANT_RK4
+                                   : PLANT_DOPRI5,
+                  k ? MS / 20 : MS);
             plant_set_source(p[k].plant, rows[i].supply);
         }
         for (int tick = 0; tick < 400; tick++) {
