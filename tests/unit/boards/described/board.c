@@ -1029,6 +1029,32 @@ TEST(a_drive_reports_and_takes_torques_by_the_gains_of_the_rig)
     close_bench();
 }
 
+/* The integral of the velocity loop ends at the current limit, whatever the gain of the torque. */
+TEST(the_integral_of_a_velocity_loop_reaches_the_current_limit)
+{
+    static const double gains[] = {0.0, 0.5, 2.0};
+
+    for (size_t i = 0; i < ARRAY_COUNT(gains); i++) {
+        const struct current_law *law;
+
+        open_bench(odrive, 0);
+        bench_stop(base);
+        base->board[0].axis[0].torque_gain = gains[i];
+        bench_start(base);
+        bench_tick(base);
+        bench_send(base, 0, 0x2b, "02 00 00 00 01 00 00 00"); /* velocity, as it comes */
+        bench_send(base, 0, 0x3b, "00 00 00 00 00 00 00 3f"); /* an integral gain alone */
+        bench_send(base, 0, 0x27, "08 00 00 00");
+        bench_tick(base);
+        bench_send(base, 0, 0x2d, "00 00 80 3f 00 00 00 00"); /* a turn a second */
+        bench_ticks(base, 5000);
+        law = &base->command.motor[0].law;
+        assert_true(law->on && law->damping_a_s_rad == 0.0);
+        assert_near(law->current_a, base->board[0].axis[0].current_limit_a, 1e-9);
+        close_bench();
+    }
+}
+
 /* Commands of another mode are refused by name; 10 ms of silence are 200 of register 9. */
 TEST(a_damiao_drive_obeys_its_mode_and_tells_its_faults)
 {
