@@ -462,7 +462,8 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
         validation->unchecked += !bench->recording[i].is_checked;
     }
     for (size_t i = 0; i < bench->nrecording; i++) {
-        diverged |= (bench->recording[i].judge || !any) && validation->simulated[i].diverged;
+        validation->judges[i] = bench->recording[i].judge || !any;
+        diverged |= validation->judges[i] && validation->simulated[i].diverged;
     }
     if (bench->nrecording > 0) {
         validation->mean = mean_where(bench, validation->error, any);
@@ -470,5 +471,9 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
     limit = bench->bench.limit[validation->is_share];
     validation->passed =
         !diverged && isfinite(validation->mean) && (limit == 0.0 || validation->mean <= limit);
+    for (size_t i = 0; i < bench->bench.nlimit; i++) {
+        validation->passed &=
+            limit_is_held(validation, &bench->bench.limits[i], bench->bench.limits[i].percent);
+    }
     return ERROR_NONE;
 }

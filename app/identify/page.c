@@ -115,7 +115,7 @@ static void add_response(struct report *report, const char *what, const struct r
     struct response of;
     char text[8][32];
 
-    response_compute(r->time, law->duty_per_rad > 0.0 ? r->goal : r->voltage, value, r->count, &of);
+    response_of(law, r, value, &of);
     report_row(report, "%s|%s|%s|%s|%s|%s|%s|%s|%s|%s", r->name, what,
                number_text(1e3 * of.t10, 'g', text[0]), number_text(1e3 * of.t63, 'g', text[1]),
                number_text(1e3 * of.t90, 'g', text[2]),
@@ -152,7 +152,8 @@ static void add_recordings(struct report *report, const struct identify_bench *b
     report_table(
         report, id,
         "Responses of the first signals to the command. Steps: times to 10, 63 and 90 % of the "
-        "change. Sweeps: cross spectra in bands of 1 Hz; bandwidth at -3 dB of the lowest band",
+        "change. Sweeps: cross spectra of seconds in bands of 1 Hz; bandwidth at -3 dB of the "
+        "lowest band",
         "recording||t10, ms|t63, ms|t90, ms|overshoot, %|gain|bandwidth, Hz|largest gain|at, Hz");
     for (size_t i = 0; i < bench->nrecording; i++) {
         const struct recording *r = &bench->recording[i];
@@ -283,6 +284,34 @@ static void add_points(struct report *report, const struct validation *v)
     }
 }
 
+/* Adds the limits of a bench: the errors of the recordings that judge. */
+static void add_limits(struct report *report, const struct validation *v)
+{
+    const struct bench *bench = &v->bench.bench;
+    char id[64], text[32];
+
+    snprintf(id, sizeof id, "%.20s-limits", bench->name);
+    report_table(report, id, "Limits that are judged apart",
+                 "quantity|recording|error, %|limit, %||wanted, %|");
+    for (size_t k = 0; k < bench->nlimit; k++) {
+        const struct bench_limit *one = &bench->limits[k];
+
+        for (size_t i = 0; i < v->bench.nrecording; i++) {
+            const double error = v->judges[i] ? limit_error(v, one, i) : (double)NAN;
+
+            if (!isnan(error)) {
+                report_row(report, "%s|%s|%+.1f|%.4g|%s|%s|%s", word_of(limit_words, one->what),
+                           v->bench.recording[i].name, error, one->percent,
+                           fabs(error) > one->percent ? "missed" : "held",
+                           number_text(one->wanted_percent, 'g', text),
+                           isnan(one->wanted_percent)          ? "-"
+                           : fabs(error) > one->wanted_percent ? "missed"
+                                                               : "held");
+            }
+        }
+    }
+}
+
 /* Adds the section of a bench. */
 static void add_bench(struct report *report, const struct validation *v)
 {
@@ -314,6 +343,9 @@ static void add_bench(struct report *report, const struct validation *v)
     for (size_t i = 0; i < bench->npublished; i++) {
         report_row(report, "%s|%.4f|published", bench->published[i].what,
                    bench->published[i].error[0]);
+    }
+    if (bench->nlimit > 0) {
+        add_limits(report, v);
     }
     add_recordings(report, &v->bench, v->simulated);
 }

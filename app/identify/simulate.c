@@ -121,23 +121,37 @@ static bool sense_signals(const struct trial_robot *trial, struct plant *plant,
 }
 
 /* A host's loop about the torque of the spring: the torques of the last ticks, which exceed the
- * longest delay by the shortest tick, and its error. */
+ * longest delay by the shortest tick, the torque that the host has, and its command. */
 enum { TORQUES = 10002 };
 struct torque_loop {
-    double torque[TORQUES], error, taken;
+    double torque[TORQUES], told, correction, command, period;
 };
 
-/* Returns the command of the loop in tick k, whose row is new or not. */
-static double run_torque_loop(const struct bench_law *law, struct torque_loop *loop, size_t k,
-                              double tick, double now, double reference)
+/* Returns the time from which the command of a row holds. The first row is there from the start. */
+static double command_time(const struct recording *r, size_t row)
 {
-    const size_t late = (size_t)(law->torque_delay_s / tick + 0.5);
+    const double next = r->time[row + 1 < r->count ? row + 1 : row];
 
-    if (now >= loop->taken + law->torque_period_s) {
-        loop->error = reference - (late <= k ? loop->torque[(k - late) % TORQUES] : 0.0);
-        loop->taken = now;
+    return row == 0 ? r->time[0] : r->time[row] + r->command_at * (next - r->time[row]);
+}
+
+/* Runs the loop in a row that is `age` seconds old in tick k. */
+static void run_torque_loop(const struct bench_law *law, const struct recording *r, size_t row,
+                            double age, double tick, size_t k, struct torque_loop *loop)
+{
+    const size_t late =
+        (size_t)fmin((age + law->torque_delay_s) / tick + 0.5, (double)(TORQUES - 1));
+    const double period = floor((r->time[row] - r->time[0]) / law->torque_period_s);
+    const double torque = late <= k ? loop->torque[(k - late) % TORQUES] : 0.0;
+
+    loop->told += law->torque_share * (law->torque_gain * torque - loop->told);
+    if (row == 0 || law->torque_period_s == 0.0 || period != loop->period) {
+        loop->correction = law->torque_kp * (r->voltage[row] - loop->told);
+        loop->correction =
+            fmax(-law->torque_limit_nm, fmin(law->torque_limit_nm, loop->correction));
+        loop->period = period;
     }
-    return reference + law->torque_kp * loop->error;
+    loop->command = law->torque_feed_forward * r->voltage[row] + loop->correction;
 }
 
 /* Simulates the recording. */
@@ -150,17 +164,19 @@ static void run_plant(const struct rig *rig, const struct trial_robot *trial,
     const struct robot_sea *sea = &trial->joint.sea;
     struct motor_command *command = plant_command(plant)->motor;
     double value[2][SIGNALS] = {{0.0}};
-    struct torque_loop loop = {.taken = -INFINITY};
-    size_t row = 0, next = 0;
+    struct torque_loop loop = {.period = -1.0};
+    size_t row = 0, begun = 0, next = 0;
 
     out->diverged |= !sense_signals(trial, plant, value[1]);
     for (size_t k = 0; next < r->count; k++) {
         const double now = r->time[0] + (double)k * tick;
         double duty;
 
-        /* Interpolate the times up to the end of the tick between the two positions */
-        while (row + 1 < r->count && r->time[row + 1] <= now - trial->bench.delay_s + 1e-9) {
-            row++;
+        /* Take the rows whose commands hold from this tick on */
+        loop.torque[k % TORQUES] = value[1][SIGNAL_LOAD_TORQUE];
+        while (begun < r->count && command_time(r, begun) <= now - trial->bench.delay_s + 1e-9) {
+            row = begun++;
+            run_torque_loop(law, r, row, now - r->time[row], tick, k, &loop);
         }
 
         /* Set the command from a time on. row is the last row at that time; the position has the
@@ -173,12 +189,9 @@ static void run_plant(const struct rig *rig, const struct trial_robot *trial,
         } else {
             command->voltage_v =
                 trial->bench.command_gain *
-                r->voltage[r->voltage_before && row + 1 < r->count ? row + 1 : row];
-            loop.torque[k % TORQUES] = value[1][SIGNAL_LOAD_TORQUE];
-            if (law->torque_kp > 0.0) {
-                command->voltage_v = trial->bench.command_gain *
-                                     run_torque_loop(law, &loop, k, tick, now, r->voltage[row]);
-            }
+                (law->torque_kp > 0.0
+                     ? loop.command
+                     : r->voltage[r->voltage_before && row + 1 < r->count ? row + 1 : row]);
             if (r->command != COMMAND_VOLTAGE) {
                 command->law = (struct current_law){
                     .on = true,
@@ -190,6 +203,7 @@ static void run_plant(const struct rig *rig, const struct trial_robot *trial,
         memcpy(value[0], value[1], sizeof value[0]);
         out->diverged = out->diverged || plant_step(plant, rig->substeps) ||
                         !sense_signals(trial, plant, value[1]);
+        /* Interpolate the times up to the end of the tick between the two positions */
         for (; next < r->count && r->time[next] <= now + tick; next++) {
             const double share = (r->time[next] - now) / tick;
 
