@@ -269,7 +269,7 @@ static void print_validation(const struct validation *v)
                    limit_is_held(v, one, one->wanted_percent) ? "held" : "missed");
         }
         for (size_t k = 0; k < v->bench.nrecording; k++) {
-            const double error = v->judges[k] ? limit_error(v, one, k) : (double)NAN;
+            const double error = limit_error(v, one, k);
 
             if (!isnan(error)) {
                 printf("; %s %+.1f %%", v->bench.recording[k].name, error);

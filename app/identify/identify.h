@@ -552,7 +552,7 @@ const char *validation_verdict(const struct validation *validation);
 /* Returns the unit of the errors of a bench: "%", or the unit of the first signal. */
 const char *validation_unit(const struct validation *validation);
 
-/* Returns the error of a limited quantity in recording i, %. NAN: the recording has none. */
+/* Returns the error of a limited quantity in recording i, %. NAN: none, or it does not judge. */
 double limit_error(const struct validation *validation, const struct bench_limit *limit, size_t i);
 
 /* Returns whether the recordings that judge keep an error of `percent`, and at least one has the

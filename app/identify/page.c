@@ -32,9 +32,9 @@ static void plot_steady(struct report *report, const char *id, const struct reco
 }
 
 /* Adds plots of a signal of a recording to a page: measured and simulated, the residual, and its
- * spectrum. */
+ * spectrum, or the gain of the response to a sweep. */
 static void identify_plot(struct report *report, const char *id, const struct recording *r,
-                          enum signal signal, const double *simulated)
+                          const struct bench_law *law, enum signal signal, const double *simulated)
 {
     const double *measured = r->signal[signal];
     const char *unit = signal_kinds[signal].unit, *name = signal_kinds[signal].key;
@@ -85,18 +85,27 @@ static void identify_plot(struct report *report, const char *id, const struct re
         svg_line("simulated", r->time, simulated, r->count, SVG_LINE)};
     const struct svg_series off = svg_line("", r->time, residual, r->count, SVG_LINE);
     const struct svg_series lines = svg_line("", frequency, amplitude, SPECTRUM_LINES, SVG_LINE);
+    struct response of[2];
+
+    response_of(law, r, measured, &of[0]);
+    response_of(law, r, simulated, &of[1]);
+
+    const struct svg_series gain[] = {
+        svg_line("measured", of[0].band, of[0].magnitude, of[0].nband, SVG_LINE),
+        svg_line("simulated", of[1].band, of[1].magnitude, of[1].nband, SVG_LINE)};
     const struct svg_plot panel[] = {
         svg_panel("", "time, s", axis[0], both, 2),
         svg_panel("", "time, s", axis[1], &off, 1),
-        svg_panel("", "frequency, Hz", axis[2], &lines, 1),
+        of[0].nband > 1 ? svg_panel("", "frequency, Hz", "gain", gain, 2)
+                        : svg_panel("", "frequency, Hz", axis[2], &lines, 1),
     };
     char caption[256];
 
     snprintf(caption, sizeof caption,
              "%.100s, %s: mean error %.4f %s, RMS %.4f %s (%.1f %%), at worst %.3f %s; the "
-             "residual and its spectrum",
+             "residual and %s",
              r->name, name, found.mean, unit, found.rms, unit, 100.0 * found.share, found.worst,
-             unit);
+             unit, of[0].nband > 1 ? "the gain of the response" : "its spectrum");
     report_figure(report, id, caption, panel, 3);
     free(residual);
 }
@@ -170,7 +179,7 @@ static void add_recordings(struct report *report, const struct identify_bench *b
             if (bench->recording[i].signal[s]) {
                 snprintf(id, sizeof id, "%.20s-%zu-%s", bench->bench.name, i + 1,
                          signal_kinds[s].key);
-                identify_plot(report, id, &bench->recording[i], (enum signal)s,
+                identify_plot(report, id, &bench->recording[i], law, (enum signal)s,
                               simulated[i].signal[s]);
             }
         }
@@ -292,20 +301,19 @@ static void add_limits(struct report *report, const struct validation *v)
 
     snprintf(id, sizeof id, "%.20s-limits", bench->name);
     report_table(report, id, "Limits that are judged apart",
-                 "quantity|recording|error, %|limit, %||wanted, %|");
+                 "quantity|recording|error, %|limit, %|wanted, %|");
     for (size_t k = 0; k < bench->nlimit; k++) {
         const struct bench_limit *one = &bench->limits[k];
 
         for (size_t i = 0; i < v->bench.nrecording; i++) {
-            const double error = v->judges[i] ? limit_error(v, one, i) : (double)NAN;
+            const double error = limit_error(v, one, i);
 
             if (!isnan(error)) {
-                report_row(report, "%s|%s|%+.1f|%.4g|%s|%s|%s", word_of(limit_words, one->what),
+                report_row(report, "%s|%s|%+.1f|%.4g|%s|%s", word_of(limit_words, one->what),
                            v->bench.recording[i].name, error, one->percent,
-                           fabs(error) > one->percent ? "missed" : "held",
                            number_text(one->wanted_percent, 'g', text),
-                           isnan(one->wanted_percent)          ? "-"
-                           : fabs(error) > one->wanted_percent ? "missed"
+                           fabs(error) > one->percent          ? "limit missed"
+                           : fabs(error) > one->wanted_percent ? "wish missed"
                                                                : "held");
             }
         }

@@ -67,33 +67,14 @@ struct spectra {
     double complex cross[RESPONSE_BANDS];
 };
 
-/* Samples command and signal at t, from `row` on. Between rows the command is held and the signal
- * linear. */
-static void sample_rows(const double *time, const double *const value[2], size_t count, double t,
-                        size_t *row, double sample[2])
-{
-    while (*row + 2 < count && time[*row + 1] <= t) {
-        ++*row;
-    }
-    sample[0] = value[0][*row];
-    sample[1] = value[1][*row] + (value[1][*row + 1] - value[1][*row]) * (t - time[*row]) /
-                                     (time[*row + 1] - time[*row]);
-}
-
-/* Adds the spectra of the second that begins at a time and a row: its mean is taken off, and it
- * passes a Hann window. */
-static void add_second(const double *time, const double *const value[2], size_t count, double begin,
-                       size_t row, size_t samples, struct spectra *spectra)
+/* Adds the spectra of the second from `begin`, less its mean and under a Hann window. Between rows
+ * the command is held and the signal linear. The mean of a signal adds to the first band only. */
+static void add_second(const double *time, const double *command, const double *signal,
+                       double begin, size_t samples, struct spectra *spectra)
 {
     double complex sum[RESPONSE_BANDS][2] = {{0.0}}, angle[RESPONSE_BANDS], turn[RESPONSE_BANDS];
-    double mean[2] = {0.0, 0.0}, sample[2];
-    size_t from = row;
+    size_t row = 0;
 
-    for (size_t i = 0; i < samples; i++) {
-        sample_rows(time, value, count, begin + (double)i / (double)samples, &from, sample);
-        mean[0] += sample[0] / (double)samples;
-        mean[1] += sample[1] / (double)samples;
-    }
     for (int b = 0; b < RESPONSE_BANDS; b++) {
         angle[b] = 1.0;
         turn[b] = cexp(-2.0 * M_PI * (b + 1) / (double)samples * (double complex)I);
@@ -101,10 +82,18 @@ static void add_second(const double *time, const double *const value[2], size_t 
     for (size_t i = 0; i < samples; i++) {
         const double at = (double)i / (double)samples, window = 1.0 - cos(2.0 * M_PI * at);
 
-        sample_rows(time, value, count, begin + at, &row, sample);
+        while (time[row + 1] <= begin + at) {
+            row++;
+        }
+        const double input = command[row], output = signal[row] + (signal[row + 1] - signal[row]) *
+                                                                      (begin + at - time[row]) /
+                                                                      (time[row + 1] - time[row]);
+
+        sum[0][0] += 0.5 * input;
+        sum[0][1] += 0.5 * output;
         for (int b = 0; b < RESPONSE_BANDS; b++) {
-            sum[b][0] += window * (sample[0] - mean[0]) * angle[b];
-            sum[b][1] += window * (sample[1] - mean[1]) * angle[b];
+            sum[b][0] += window * input * angle[b];
+            sum[b][1] += window * output * angle[b];
             angle[b] *= turn[b];
         }
     }
@@ -133,27 +122,22 @@ static void judge_bands(struct response *r)
     }
 }
 
-/* Computes the response to a sweep. */
+/* Computes the response to a sweep from seconds that overlap by half. */
 static void compute_sweep(const double *time, const double *command, const double *signal,
                           size_t count, struct response *r)
 {
     const double length = time[count - 1] - time[0], rate = (double)(count - 1) / length;
-    const double *const value[2] = {command, signal};
+    const int bands = (int)fmin(RESPONSE_BANDS, 0.5 * rate - 0.5);
     struct spectra spectra = {.power = {0.0}};
     double most = 0.0;
-    size_t row = 0;
 
-    /* Add seconds that overlap by half */
     for (int half = 0; 0.5 * half + 1.0 <= length; half++) {
-        while (row + 1 < count && time[row + 1] <= time[0] + 0.5 * half) {
-            row++;
-        }
-        add_second(time, value, count, time[0] + 0.5 * half, row, (size_t)rate, &spectra);
+        add_second(time, command, signal, time[0] + 0.5 * half, (size_t)rate, &spectra);
     }
-    for (int b = 0; b < RESPONSE_BANDS && b + 1.5 < 0.5 * rate; b++) {
+    for (int b = 0; b < bands; b++) {
         most = fmax(most, spectra.power[b]);
     }
-    for (int b = 0; b < RESPONSE_BANDS && b + 1.5 < 0.5 * rate; b++) {
+    for (int b = 0; b < bands; b++) {
         if (spectra.power[b] > EXCITED * most) {
             r->band[r->nband] = b + 1.0;
             r->magnitude[r->nband++] = cabs(spectra.cross[b]) / spectra.power[b];
@@ -212,7 +196,8 @@ double limit_error(const struct validation *v, const struct bench_limit *limit, 
     struct response of[2];
     double value[2];
 
-    if (limit->of && strcmp(limit->of, r->group) != 0 && strcmp(limit->of, r->name) != 0) {
+    if (!v->judges[i] ||
+        (limit->of && strcmp(limit->of, r->group) != 0 && strcmp(limit->of, r->name) != 0)) {
         return (double)NAN;
     }
     if (limit->what < 0) {
@@ -231,7 +216,7 @@ bool limit_is_held(const struct validation *v, const struct bench_limit *limit, 
     bool any = false, held = true;
 
     for (size_t i = 0; i < v->bench.nrecording; i++) {
-        const double error = v->judges[i] ? limit_error(v, limit, i) : (double)NAN;
+        const double error = limit_error(v, limit, i);
 
         any |= !isnan(error);
         held = held && !(fabs(error) > percent);
