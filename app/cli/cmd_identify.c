@@ -261,21 +261,15 @@ static void print_validation(const struct validation *v)
     for (size_t i = 0; i < bench->nlimit; i++) {
         const struct bench_limit *one = &bench->limits[i];
 
-        printf("       %s%s%s within %.4g %%: %s", word_of(limit_words, one->what),
-               one->of ? " of " : "", one->of ? one->of : "", one->percent,
-               limit_is_held(v, one, one->percent) ? "held" : "missed");
-        if (!isnan(one->wanted_percent)) {
-            printf(", %.4g %% wanted: %s", one->wanted_percent,
-                   limit_is_held(v, one, one->wanted_percent) ? "held" : "missed");
-        }
         for (size_t k = 0; k < v->bench.nrecording; k++) {
             const double error = limit_error(v, one, k);
 
             if (!isnan(error)) {
-                printf("; %s %+.1f %%", v->bench.recording[k].name, error);
+                printf("       %s of %s: %+.1f %%, limit %.4g %%: %s\n",
+                       word_of(limit_words, one->what), v->bench.recording[k].name, error,
+                       one->percent, limit_verdict(one, error));
             }
         }
-        putchar('\n');
     }
     for (size_t i = 0; i < v->bench.nrecording; i++) {
         const struct recording *recording = &v->bench.recording[i];

@@ -555,10 +555,8 @@ const char *validation_unit(const struct validation *validation);
 /* Returns the error of a limited quantity in recording i, %. NAN: none, or it does not judge. */
 double limit_error(const struct validation *validation, const struct bench_limit *limit, size_t i);
 
-/* Returns whether the recordings that judge keep an error of `percent`, and at least one has the
- * quantity. */
-bool limit_is_held(const struct validation *validation, const struct bench_limit *limit,
-                   double percent);
+/* Returns "held", "limit missed" or "wish missed". */
+const char *limit_verdict(const struct bench_limit *limit, double error);
 
 /* Returns the drive of a trial. Its effects point into the trial. */
 struct robot_sea trial_drive(const struct trial_robot *trial);

@@ -31,8 +31,8 @@ static void plot_steady(struct report *report, const char *id, const struct reco
     report_figure(report, id, caption, &panel, 1);
 }
 
-/* Adds plots of a signal of a recording to a page: measured and simulated, the residual, and its
- * spectrum, or the gain of the response to a sweep. */
+/* Adds plots of a signal of a recording to a page: measured and simulated, the residual, its
+ * spectrum, and the gain of the response to a sweep. */
 static void identify_plot(struct report *report, const char *id, const struct recording *r,
                           const struct bench_law *law, enum signal signal, const double *simulated)
 {
@@ -96,17 +96,17 @@ static void identify_plot(struct report *report, const char *id, const struct re
     const struct svg_plot panel[] = {
         svg_panel("", "time, s", axis[0], both, 2),
         svg_panel("", "time, s", axis[1], &off, 1),
-        of[0].nband > 1 ? svg_panel("", "frequency, Hz", "gain", gain, 2)
-                        : svg_panel("", "frequency, Hz", axis[2], &lines, 1),
+        svg_panel("", "frequency, Hz", axis[2], &lines, 1),
+        svg_panel("", "frequency, Hz", "gain of the response", gain, 2),
     };
     char caption[256];
 
     snprintf(caption, sizeof caption,
              "%.100s, %s: mean error %.4f %s, RMS %.4f %s (%.1f %%), at worst %.3f %s; the "
-             "residual and %s",
+             "residual and its spectrum",
              r->name, name, found.mean, unit, found.rms, unit, 100.0 * found.share, found.worst,
-             unit, of[0].nband > 1 ? "the gain of the response" : "its spectrum");
-    report_figure(report, id, caption, panel, 3);
+             unit);
+    report_figure(report, id, caption, panel, of[0].nband > 1 ? 4 : 3);
     free(residual);
 }
 
@@ -143,7 +143,7 @@ static void add_recordings(struct report *report, const struct identify_bench *b
 
     snprintf(id, sizeof id, "%.20s-signals", bench->bench.name);
     report_table(report, id, "Errors of the signals, in their units and as shares of their RMS",
-                 "recording|signal|unit|mean error|RMS error|RMS error, %|largest error");
+                 "recording|signal|unit|mean error|RMS error|RMS error, %|largest error|");
     for (size_t i = 0; i < bench->nrecording; i++) {
         const struct recording *r = &bench->recording[i];
 
@@ -152,10 +152,15 @@ static void add_recordings(struct report *report, const struct identify_bench *b
                 const struct simulation_error off =
                     simulation_compare(r->signal[s], simulated[i].signal[s], r->count);
 
-                report_row(report, "%s|%s|%s|%.4g|%.4g|%.2f|%.4g", r->name, signal_kinds[s].key,
-                           signal_kinds[s].unit, off.mean, off.rms, 100.0 * off.share, off.worst);
+                report_row(report, "%s|%s|%s|%.4g|%.4g|%.2f|%.4g|%s", r->name, signal_kinds[s].key,
+                           signal_kinds[s].unit, off.mean, off.rms, 100.0 * off.share, off.worst,
+                           r->judge ? "judged" : "");
             }
         }
+    }
+    for (size_t i = 0; i < bench->bench.npublished; i++) {
+        report_row(report, "%s||rad|%.4f||||published", bench->bench.published[i].what,
+                   bench->bench.published[i].error[0]);
     }
     snprintf(id, sizeof id, "%.20s-responses", bench->bench.name);
     report_table(
@@ -254,10 +259,6 @@ enum error_code identify_write_page(const struct fit_problem *problem,
                number_text(identify_mean(result->start, bench->nrecording), 'f', text[0]),
                number_text(identify_mean(result->fitted, bench->nrecording), 'f', text[1]),
                number_text(identify_mean(result->crossed, bench->nrecording), 'f', text[2]));
-    for (size_t i = 0; i < bench->bench.npublished; i++) {
-        report_row(&report, "%s||||%.4f|published", bench->bench.published[i].what,
-                   bench->bench.published[i].error[0]);
-    }
     add_numbers(&report, problem, result);
     report_section(&report, "plots", "Measured and simulated");
     add_recordings(&report, bench, result->simulated);
@@ -311,10 +312,7 @@ static void add_limits(struct report *report, const struct validation *v)
             if (!isnan(error)) {
                 report_row(report, "%s|%s|%+.1f|%.4g|%s|%s", word_of(limit_words, one->what),
                            v->bench.recording[i].name, error, one->percent,
-                           number_text(one->wanted_percent, 'g', text),
-                           fabs(error) > one->percent          ? "limit missed"
-                           : fabs(error) > one->wanted_percent ? "wish missed"
-                                                               : "held");
+                           number_text(one->wanted_percent, 'g', text), limit_verdict(one, error));
             }
         }
     }
@@ -338,19 +336,6 @@ static void add_bench(struct report *report, const struct validation *v)
     if (v->bench.missing) {
         report_text(report, "The recordings are not here. %s", bench->obtain);
         return;
-    }
-    snprintf(id, sizeof id, "%.20s-errors", bench->name);
-    report_table(report, id,
-                 v->is_share ? "RMS of simulated - measured as a share of the RMS"
-                             : "Mean of |simulated - measured|, rad",
-                 "recording|error|");
-    for (size_t i = 0; i < v->bench.nrecording; i++) {
-        report_row(report, "%s|%.4f|%s", v->bench.recording[i].name, v->error[i],
-                   v->bench.recording[i].judge ? "judged" : "");
-    }
-    for (size_t i = 0; i < bench->npublished; i++) {
-        report_row(report, "%s|%.4f|published", bench->published[i].what,
-                   bench->published[i].error[0]);
     }
     if (bench->nlimit > 0) {
         add_limits(report, v);

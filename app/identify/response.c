@@ -211,15 +211,9 @@ double limit_error(const struct validation *v, const struct bench_limit *limit, 
                                                : 100.0 * (value[1] / value[0] - 1.0);
 }
 
-bool limit_is_held(const struct validation *v, const struct bench_limit *limit, double percent)
+const char *limit_verdict(const struct bench_limit *limit, double error)
 {
-    bool any = false, held = true;
-
-    for (size_t i = 0; i < v->bench.nrecording; i++) {
-        const double error = limit_error(v, limit, i);
-
-        any |= !isnan(error);
-        held = held && !(fabs(error) > percent);
-    }
-    return any && held;
+    return fabs(error) > limit->percent          ? "limit missed"
+           : fabs(error) > limit->wanted_percent ? "wish missed"
+                                                 : "held";
 }

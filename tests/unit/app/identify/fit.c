@@ -351,7 +351,7 @@ TEST(responses_are_of_closed_form)
 }
 
 /* Limits of the step of a lag, whose simulation has 1.1 times its time constant and 1.05 times its
- * gain: each is judged apart, and a limit that no recording has is missed. */
+ * gain. A recording of another group, or without the quantity, has no error. */
 TEST(limits_are_judged_apart)
 {
     enum { COUNT = 4000 };
@@ -360,12 +360,12 @@ TEST(limits_are_judged_apart)
     static const struct {
         const char *what, *of;
         double percent, error;
-        bool held;
+        const char *verdict;
     } rows[] = {
-        {"t63", NULL, 10.2, 10.0, true},        {"t90", NULL, 9.8, 10.0, false},
-        {"gain", "a", 5.2, 5.0, true},          {"gain", "step.csv", 4.8, 5.0, false},
-        {"bandwidth", NULL, 100.0, NAN, false}, {"gain", "b", 100.0, NAN, false},
-        {"share", NULL, 5.3, 5.0, true},
+        {"t63", NULL, 10.2, 10.0, "wish missed"}, {"t90", NULL, 9.8, 10.0, "limit missed"},
+        {"gain", "a", 5.2, 5.0, "held"},          {"gain", "step.csv", 4.8, 5.0, "limit missed"},
+        {"bandwidth", NULL, 100.0, NAN, "held"},  {"gain", "b", 100.0, NAN, "held"},
+        {"share", NULL, 5.3, 5.0, "held"},
     };
     struct recording r = {.name = "step.csv",
                           .group = "a",
@@ -392,12 +392,15 @@ TEST(limits_are_judged_apart)
         while (strcmp(word->word, rows[i].what) != 0) {
             word++;
         }
-        const struct bench_limit limit = {.what = word->value, .of = rows[i].of};
+        const struct bench_limit limit = {.what = word->value,
+                                          .of = rows[i].of,
+                                          .percent = rows[i].percent,
+                                          .wanted_percent = 6.0};
         const double found = limit_error(&v, &limit, 0);
 
         assert_int_equal(isnan(found), isnan(rows[i].error));
         assert_true(isnan(found) || fabs(found - rows[i].error) < 0.2);
-        assert_int_equal(limit_is_held(&v, &limit, rows[i].percent), rows[i].held);
+        assert_string_equal(limit_verdict(&limit, found), rows[i].verdict);
     }
 }
 
@@ -474,6 +477,9 @@ TEST(wrong_benches_are_refused_with_their_place)
             "identify-bench.yaml:6:10: found group \"b\"");
     refuses(GIVEN "limits: [{what: peak, of: x, percent: -1}]\nrecordings: [{file: c/x}]\n",
             "found -1");
+    refuses("name: a\nsource: b\nlicense: c\ndrive: d\nlimits: [{what: peak, percent: 1}]\n"
+            "columns: {load: t, speed: w, supply: v, supply_current: i}\n",
+            "identify-bench.yaml:5:10: found limits of steady states");
     refuses(HEAD "columns: {load: t, speed: w, supply: v, supply_current: i}\n",
             "identify-bench.yaml:5:10: found a column \"load\", expected steady states");
 }
