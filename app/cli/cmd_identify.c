@@ -258,6 +258,19 @@ static void print_validation(const struct validation *v)
                scale * bench->published[i].error[v->is_share]);
     }
     putchar('\n');
+    for (size_t i = 0; i < bench->nlimit; i++) {
+        const struct bench_limit *one = &bench->limits[i];
+
+        for (size_t k = 0; k < v->bench.nrecording; k++) {
+            const double error = limit_error(v, one, k);
+
+            if (!isnan(error)) {
+                printf("       %s of %s: %+.1f %%, limit %.4g %%: %s\n",
+                       word_of(limit_words, one->what), v->bench.recording[k].name, error,
+                       one->percent, limit_verdict(one, error));
+            }
+        }
+    }
     for (size_t i = 0; i < v->bench.nrecording; i++) {
         const struct recording *recording = &v->bench.recording[i];
 

@@ -37,6 +37,7 @@ static const struct yaml_field column_fields[] = {
     YAML_TEXT("set_current", false, bench_columns, title[COLUMN_COMMAND + COMMAND_CURRENT], 1,
               1000),
     {"voltage_before", YAML_BOOL, false, .offset = offsetof(struct bench_columns, voltage_before)},
+    YAML_NUMBER("command_at", false, bench_columns, command_at, 0.0, 1.0),
 };
 static const struct yaml_schema column_schema =
     YAML_SCHEMA("the columns of a recording", struct bench_columns, column_fields);
@@ -68,8 +69,16 @@ static const struct yaml_field law_fields[] = {
     YAML_NUMBER("torque_kp", false, bench_law, torque_kp, 1e-9, 1e6),
     YAML_NUMBER("torque_period_s", false, bench_law, torque_period_s, 0.0, 1.0),
     YAML_NUMBER("torque_delay_s", false, bench_law, torque_delay_s, 0.0, 0.1),
+    YAML_NUMBER("torque_share", false, bench_law, torque_share, 1e-6, 1.0),
+    YAML_NUMBER("torque_gain", false, bench_law, torque_gain, 1e-3, 1e3),
+    YAML_NUMBER("torque_limit_nm", false, bench_law, torque_limit_nm, 1e-9, 1e9),
+    YAML_NUMBER("torque_feed_forward", false, bench_law, torque_feed_forward, 0.0, 1e3),
 };
-static const struct bench_law law_defaults = {.duty_max = 1.0};
+static const struct bench_law law_defaults = {.duty_max = 1.0,
+                                              .torque_share = 1.0,
+                                              .torque_gain = 1.0,
+                                              .torque_limit_nm = INFINITY,
+                                              .torque_feed_forward = 1.0};
 static const struct yaml_schema law_schema =
     YAML_SCHEMA("the law of a servo", struct bench_law, law_fields, .defaults = &law_defaults);
 
@@ -146,6 +155,16 @@ static const struct yaml_field joint_fields[] = {
 static const struct yaml_schema joint_schema =
     YAML_SCHEMA("a joint to identify", struct bench_joint, joint_fields, .alone = "joint");
 
+static const struct yaml_field limit_fields[] = {
+    {"what", YAML_ENUM, true, .offset = offsetof(struct bench_limit, what), .names = limit_words},
+    YAML_TEXT("of", false, bench_limit, of, 1, 1000),
+    YAML_NUMBER("percent", true, bench_limit, percent, 0.0, 1e6),
+    YAML_NUMBER("wanted_percent", false, bench_limit, wanted_percent, 0.0, 1e6),
+};
+static const struct bench_limit limit_defaults = {.wanted_percent = NAN};
+static const struct yaml_schema limit_schema =
+    YAML_SCHEMA("a limit", struct bench_limit, limit_fields, .defaults = &limit_defaults);
+
 static const struct word output_words[] = {
     {"free", OUTPUT_FREE}, {"locked", OUTPUT_LOCKED}, {"inertia", OUTPUT_INERTIA}, {NULL, 0}};
 
@@ -169,6 +188,7 @@ static const struct yaml_field bench_fields[] = {
     YAML_NUMBER("robust_rad", false, bench, robust_rad, 0.0, 10.0),
     YAML_NUMBER("limit_rad", false, bench, limit[0], 0.0, 10.0),
     YAML_NUMBER("limit_share", false, bench, limit[1], 0.0, 10.0),
+    YAML_ENTRIES("limits", YAML_LIST, false, bench, limits, nlimit, limit_schema),
     YAML_NUMBER("diagram_nm", false, bench, diagram_nm, 0.0, 1e6),
     {"numbers", YAML_REAL_DICT, false, .offset = offsetof(struct bench, number),
      .count_offset = offsetof(struct bench, nnumber)},
@@ -299,12 +319,15 @@ static enum error_code check_recordings(const struct bench *bench, struct error 
     return ERROR_NONE;
 }
 
-/* Refuses a group that no recording of the bench has. */
+/* Refuses a group, or with `file` a group or file, that no recording of the bench has. */
 static enum error_code check_group(const struct bench *bench, const struct yaml_mark *mark,
-                                   const char *group, struct error *error)
+                                   const char *group, bool file, struct error *error)
 {
     for (size_t i = 0; i < bench->nrecording && group; i++) {
-        if (!strcmp(bench->recording[i].group, group)) {
+        const struct bench_recording *one = &bench->recording[i];
+        const char *slash = strrchr(one->file, '/');
+
+        if (!strcmp(one->group, group) || (file && !strcmp(slash ? slash + 1 : one->file, group))) {
             return ERROR_NONE;
         }
     }
@@ -338,7 +361,16 @@ static enum error_code check_bench(struct bench *bench, struct error *error)
         struct group_number *one = &bench->group_number[i];
 
         if (find_number(&one->mark, one->key, one->value, &one->parameter, error) ||
-            check_group(bench, &one->mark, one->group, error)) {
+            check_group(bench, &one->mark, one->group, false, error)) {
+            return ERROR_INPUT;
+        }
+    }
+    if (bench->nlimit > 0 && (bench->npoint > 0 || bench->columns.title[SIGNAL_LOSS])) {
+        return yaml_error(error, &bench->limits->mark,
+                          "found limits of steady states, expected \"limit_share\"");
+    }
+    for (size_t i = 0; i < bench->nlimit; i++) {
+        if (check_group(bench, &bench->limits[i].mark, bench->limits[i].of, true, error)) {
             return ERROR_INPUT;
         }
     }
@@ -348,7 +380,7 @@ static enum error_code check_bench(struct bench *bench, struct error *error)
         if (find_number(&one->mark, one->key, one->start, &one->parameter, error) ||
             find_number(&one->mark, one->key, one->lower, &one->parameter, error) ||
             find_number(&one->mark, one->key, one->upper, &one->parameter, error) ||
-            check_group(bench, &one->mark, one->group, error)) {
+            check_group(bench, &one->mark, one->group, false, error)) {
             return ERROR_INPUT;
         }
         if (yaml_has(&one->mark, "expected") != (one->sigma > 0.0) ||
@@ -699,6 +731,7 @@ enum error_code recording_read(const struct identify_bench *bench, const char *p
                             .is_checked = expected != NULL,
                             .gain = word ? find_gain(text, comment_size(text), word) : 1.0,
                             .voltage_before = columns->voltage_before,
+                            .command_at = columns->command_at,
                             .command = bench_command(columns)};
     snprintf(r->sum, sizeof r->sum, "%08x", crc32_update(0, text, size));
     if (expected && strcmp(expected, r->sum) != 0) {

@@ -588,7 +588,8 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
         validation->unchecked += !bench->recording[i].is_checked;
     }
     for (size_t i = 0; i < bench->nrecording; i++) {
-        diverged |= (bench->recording[i].judge || !any) && validation->simulated[i].diverged;
+        validation->judges[i] = bench->recording[i].judge || !any;
+        diverged |= validation->judges[i] && validation->simulated[i].diverged;
     }
     if (bench->nrecording > 0) {
         validation->mean = mean_where(bench, validation->error, any);
@@ -596,5 +597,20 @@ enum error_code validation_run(const char *path, struct arena *arena, struct val
     limit = bench->bench.limit[validation->is_share];
     validation->passed =
         !diverged && isfinite(validation->mean) && (limit == 0.0 || validation->mean <= limit);
+    for (size_t i = 0; i < bench->bench.nlimit; i++) {
+        const struct bench_limit *one = &bench->bench.limits[i];
+        bool found = false;
+
+        for (size_t k = 0; k < bench->nrecording; k++) {
+            const double off = limit_error(validation, one, k);
+
+            found |= !isnan(off);
+            validation->passed &= !(fabs(off) > one->percent);
+        }
+        if (!found) {
+            return yaml_error(error, &one->mark, "found no recording with \"%s\" that judges",
+                              word_of(limit_words, one->what));
+        }
+    }
     return ERROR_NONE;
 }

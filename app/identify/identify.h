@@ -191,6 +191,7 @@ struct bench_columns {
     const char *title[COLUMNS];
     const char *gain_word;    /* the number after this word in the file's comments is the gain */
     bool voltage_before;      /* a row's voltage was on before its time, as in "run --record" */
+    double command_at; /* share of the time to the next row at which a command comes into force */
     bool current_is_optional; /* a recording may lack the column of the current */
 };
 
@@ -201,12 +202,39 @@ struct bench_sigmas {
 };
 
 /* A servo: duty = duty_per_rad gain (goal - position), clipped to duty_max; voltage = duty supply.
- * A loop about the spring, run at each tick: command = reference + torque_kp (reference - load
- * torque, torque_delay_s ago); the part in parentheses is computed anew every torque_period_s. */
+ * A host's loop about the spring, run once per row of the recording:
+ *     told += torque_share (torque_gain (load torque, torque_delay_s ago) - told)
+ *     correction = torque_kp (reference - told), clipped to torque_limit_nm
+ *     command = torque_feed_forward reference + correction
+ * The correction changes in the first row of each period of a clock, torque_period_s; 0 = in each
+ * row. */
 struct bench_law {
     struct yaml_mark mark;
     double duty_per_rad, duty_max;
     double torque_kp, torque_period_s, torque_delay_s;
+    double torque_share, torque_gain, torque_limit_nm, torque_feed_forward;
+};
+
+/* A quantity of a recording that a bench limits: the RMS error as a share of the RMS, or a quantity
+ * of the response. */
+enum limit_quantity {
+    LIMIT_SHARE,
+    LIMIT_T10,
+    LIMIT_T63,
+    LIMIT_T90,
+    LIMIT_GAIN,
+    LIMIT_OVERSHOOT, /* the largest value, as a multiple of the change */
+    LIMIT_BANDWIDTH,
+    LIMIT_PEAK
+};
+extern const struct word limit_words[];
+
+struct bench_limit {
+    struct yaml_mark mark;
+    int what;              /* enum limit_quantity */
+    const char *of;        /* a group or a file of recordings; NULL = all that judge */
+    double percent;        /* largest accepted error */
+    double wanted_percent; /* a better one that the drive does not yet reach; NAN = none */
 };
 
 /* A quantity of a steady state. */
@@ -283,6 +311,8 @@ struct bench {
     struct bench_law law;
     double robust_rad; /* larger errors count linearly; 0 = all errors are squared */
     double limit[2];   /* largest accepted mean error: [0] in the signal's unit, [1] as a share */
+    struct bench_limit *limits; /* each is judged apart */
+    size_t nlimit;
     double diagram_nm; /* largest motor torque of the drive/back-drive diagram; 0 = no diagram */
     struct bench_free *free;
     struct bench_recording *recording;
@@ -312,6 +342,7 @@ struct recording {
     int64_t begin_ns;    /* of a log: the time of its first row */
     double gain, supply; /* supply 0 = as in the rig */
     bool voltage_before;
+    double command_at;
     enum command_kind command; /* what the array voltage contains */
 };
 
@@ -466,14 +497,15 @@ struct simulation_error simulation_compare(const double *measured, const double 
  * linear interpolation. The change is between the mean before, and the mean of the last tenth.
  * Overshoot is the largest value beyond the change, as a share of it.
  *
- * Sweep: H is the cross spectrum of command and signal divided by the spectrum of the command, both
- * summed in bands of 1 Hz about 1, 2, ... Hz. Bands with less than a tenth of the power of the
- * strongest do not count. gain is |H| of the lowest band; bandwidth is the first frequency at
- * which |H|, linear between bands, is gain / sqrt 2.
+ * Sweep: H is the cross spectrum of command and signal divided by the spectrum of the command, at
+ * 1, 2, ... Hz. Both are sums over seconds that overlap by half, less their means and under a Hann
+ * window: a second counts by the command's power in it, so noise beside the sweep does not. Bands
+ * with less than a tenth of the power of the strongest do not count. gain is |H| of the lowest
+ * band; bandwidth is the first frequency at which |H|, linear between bands, is gain / sqrt 2.
  */
 enum { RESPONSE_BANDS = 100 };
 struct response {
-    double t10, t63, t90, overshoot; /* of a step; s, 1 */
+    double t10, t63, t90, overshoot; /* of a step; s, share of the change */
     double gain;                     /* signal's unit by command's unit */
     double bandwidth, peak, peak_hz; /* of a sweep, Hz; peak: largest |H| */
     size_t nband;
@@ -483,6 +515,10 @@ struct response {
 /* Computes the response. NAN: not reached, or not of this kind of command. */
 void response_compute(const double *time, const double *command, const double *signal, size_t count,
                       struct response *response);
+
+/* Computes the response of a signal to the command of a recording. */
+void response_of(const struct bench_law *law, const struct recording *recording,
+                 const double *signal, struct response *response);
 
 /* ---- results ---- */
 
@@ -540,7 +576,8 @@ struct validation {
     struct identify_bench bench;
     double error[IDENTIFY_RECORDINGS_MAX]; /* mean error of each recording, or its share */
     struct simulated simulated[IDENTIFY_RECORDINGS_MAX];
-    double *ours;  /* computed value of each point */
+    bool judges[IDENTIFY_RECORDINGS_MAX]; /* the validation recordings; all if there are none */
+    double *ours;                         /* computed value of each point */
     double mean;   /* of the validation recordings, else of all; of points, a share */
     bool is_share; /* errors are shares, else in the unit of the first signal */
     bool passed;
@@ -553,6 +590,12 @@ const char *validation_verdict(const struct validation *validation);
 
 /* Returns the unit of the errors of a bench: "%", or the unit of the first signal. */
 const char *validation_unit(const struct validation *validation);
+
+/* Returns the error of a limited quantity in recording i, %. NAN: none, or it does not judge. */
+double limit_error(const struct validation *validation, const struct bench_limit *limit, size_t i);
+
+/* Returns "held", "limit missed" or "wish missed". */
+const char *limit_verdict(const struct bench_limit *limit, double error);
 
 /* Returns the drive of the first joint of a trial. Its effects point into the trial. */
 struct robot_sea trial_drive(const struct trial_robot *trial);

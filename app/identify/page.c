@@ -31,10 +31,10 @@ static void plot_steady(struct report *report, const char *id, const struct reco
     report_figure(report, id, caption, &panel, 1);
 }
 
-/* Adds plots of a signal of a recording to a page: measured and simulated, the residual, and its
- * spectrum. */
+/* Adds plots of a signal of a recording to a page: measured and simulated, the residual, its
+ * spectrum, and the gain of the response to a sweep. */
 static void identify_plot(struct report *report, const char *id, const struct recording *r,
-                          enum signal signal, const double *simulated)
+                          const struct bench_law *law, enum signal signal, const double *simulated)
 {
     const double *measured = r->signal[signal];
     const char *unit = signal_kinds[signal].unit, *name = signal_kinds[signal].key;
@@ -85,10 +85,19 @@ static void identify_plot(struct report *report, const char *id, const struct re
         svg_line("simulated", r->time, simulated, r->count, SVG_LINE)};
     const struct svg_series off = svg_line("", r->time, residual, r->count, SVG_LINE);
     const struct svg_series lines = svg_line("", frequency, amplitude, SPECTRUM_LINES, SVG_LINE);
+    struct response of[2];
+
+    response_of(law, r, measured, &of[0]);
+    response_of(law, r, simulated, &of[1]);
+
+    const struct svg_series gain[] = {
+        svg_line("measured", of[0].band, of[0].magnitude, of[0].nband, SVG_LINE),
+        svg_line("simulated", of[1].band, of[1].magnitude, of[1].nband, SVG_LINE)};
     const struct svg_plot panel[] = {
         svg_panel("", "time, s", axis[0], both, 2),
         svg_panel("", "time, s", axis[1], &off, 1),
         svg_panel("", "frequency, Hz", axis[2], &lines, 1),
+        svg_panel("", "frequency, Hz", "gain of the response", gain, 2),
     };
     char caption[256];
 
@@ -97,7 +106,7 @@ static void identify_plot(struct report *report, const char *id, const struct re
              "residual and its spectrum",
              r->name, name, found.mean, unit, found.rms, unit, 100.0 * found.share, found.worst,
              unit);
-    report_figure(report, id, caption, panel, 3);
+    report_figure(report, id, caption, panel, of[0].nband > 1 ? 4 : 3);
     free(residual);
 }
 
@@ -115,7 +124,7 @@ static void add_response(struct report *report, const char *what, const struct r
     struct response of;
     char text[8][32];
 
-    response_compute(r->time, law->duty_per_rad > 0.0 ? r->goal : r->voltage, value, r->count, &of);
+    response_of(law, r, value, &of);
     report_row(report, "%s|%s|%s|%s|%s|%s|%s|%s|%s|%s", r->name, what,
                number_text(1e3 * of.t10, 'g', text[0]), number_text(1e3 * of.t63, 'g', text[1]),
                number_text(1e3 * of.t90, 'g', text[2]),
@@ -134,7 +143,7 @@ static void add_recordings(struct report *report, const struct identify_bench *b
 
     snprintf(id, sizeof id, "%.20s-signals", bench->bench.name);
     report_table(report, id, "Errors of the signals, in their units and as shares of their RMS",
-                 "recording|signal|unit|mean error|RMS error|RMS error, %|largest error");
+                 "recording|signal|unit|mean error|RMS error|RMS error, %|largest error|");
     for (size_t i = 0; i < bench->nrecording; i++) {
         const struct recording *r = &bench->recording[i];
 
@@ -143,16 +152,22 @@ static void add_recordings(struct report *report, const struct identify_bench *b
                 const struct simulation_error off =
                     simulation_compare(r->signal[s], simulated[i].signal[s], r->count);
 
-                report_row(report, "%s|%s|%s|%.4g|%.4g|%.2f|%.4g", r->name, signal_kinds[s].key,
-                           signal_kinds[s].unit, off.mean, off.rms, 100.0 * off.share, off.worst);
+                report_row(report, "%s|%s|%s|%.4g|%.4g|%.2f|%.4g|%s", r->name, signal_kinds[s].key,
+                           signal_kinds[s].unit, off.mean, off.rms, 100.0 * off.share, off.worst,
+                           r->judge ? "judged" : "");
             }
         }
+    }
+    for (size_t i = 0; i < bench->bench.npublished; i++) {
+        report_row(report, "%s||rad|%.4f||||published", bench->bench.published[i].what,
+                   bench->bench.published[i].error[0]);
     }
     snprintf(id, sizeof id, "%.20s-responses", bench->bench.name);
     report_table(
         report, id,
         "Responses of the first signals to the command. Steps: times to 10, 63 and 90 % of the "
-        "change. Sweeps: cross spectra in bands of 1 Hz; bandwidth at -3 dB of the lowest band",
+        "change. Sweeps: cross spectra of seconds in bands of 1 Hz; bandwidth at -3 dB of the "
+        "lowest band",
         "recording||t10, ms|t63, ms|t90, ms|overshoot, %|gain|bandwidth, Hz|largest gain|at, Hz");
     for (size_t i = 0; i < bench->nrecording; i++) {
         const struct recording *r = &bench->recording[i];
@@ -169,7 +184,7 @@ static void add_recordings(struct report *report, const struct identify_bench *b
             if (bench->recording[i].signal[s]) {
                 snprintf(id, sizeof id, "%.20s-%zu-%s", bench->bench.name, i + 1,
                          signal_kinds[s].key);
-                identify_plot(report, id, &bench->recording[i], (enum signal)s,
+                identify_plot(report, id, &bench->recording[i], law, (enum signal)s,
                               simulated[i].signal[s]);
             }
         }
@@ -244,10 +259,6 @@ enum error_code identify_write_page(const struct fit_problem *problem,
                number_text(identify_mean(result->start, bench->nrecording), 'f', text[0]),
                number_text(identify_mean(result->fitted, bench->nrecording), 'f', text[1]),
                number_text(identify_mean(result->crossed, bench->nrecording), 'f', text[2]));
-    for (size_t i = 0; i < bench->bench.npublished; i++) {
-        report_row(&report, "%s||||%.4f|published", bench->bench.published[i].what,
-                   bench->bench.published[i].error[0]);
-    }
     add_numbers(&report, problem, result);
     report_section(&report, "plots", "Measured and simulated");
     add_recordings(&report, bench, result->simulated);
@@ -283,6 +294,30 @@ static void add_points(struct report *report, const struct validation *v)
     }
 }
 
+/* Adds the limits of a bench: the errors of the recordings that judge. */
+static void add_limits(struct report *report, const struct validation *v)
+{
+    const struct bench *bench = &v->bench.bench;
+    char id[64], text[32];
+
+    snprintf(id, sizeof id, "%.20s-limits", bench->name);
+    report_table(report, id, "Limits that are judged apart",
+                 "quantity|recording|error, %|limit, %|wanted, %|");
+    for (size_t k = 0; k < bench->nlimit; k++) {
+        const struct bench_limit *one = &bench->limits[k];
+
+        for (size_t i = 0; i < v->bench.nrecording; i++) {
+            const double error = limit_error(v, one, i);
+
+            if (!isnan(error)) {
+                report_row(report, "%s|%s|%+.1f|%.4g|%s|%s", word_of(limit_words, one->what),
+                           v->bench.recording[i].name, error, one->percent,
+                           number_text(one->wanted_percent, 'g', text), limit_verdict(one, error));
+            }
+        }
+    }
+}
+
 /* Adds the section of a bench. */
 static void add_bench(struct report *report, const struct validation *v)
 {
@@ -302,18 +337,8 @@ static void add_bench(struct report *report, const struct validation *v)
         report_text(report, "The recordings are not here. %s", bench->obtain);
         return;
     }
-    snprintf(id, sizeof id, "%.20s-errors", bench->name);
-    report_table(report, id,
-                 v->is_share ? "RMS of simulated - measured as a share of the RMS"
-                             : "Mean of |simulated - measured|, rad",
-                 "recording|error|");
-    for (size_t i = 0; i < v->bench.nrecording; i++) {
-        report_row(report, "%s|%.4f|%s", v->bench.recording[i].name, v->error[i],
-                   v->bench.recording[i].judge ? "judged" : "");
-    }
-    for (size_t i = 0; i < bench->npublished; i++) {
-        report_row(report, "%s|%.4f|published", bench->published[i].what,
-                   bench->published[i].error[0]);
+    if (bench->nlimit > 0) {
+        add_limits(report, v);
     }
     add_recordings(report, &v->bench, v->simulated);
 }

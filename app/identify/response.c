@@ -5,9 +5,8 @@
 
 #include <complex.h>
 #include <math.h>
-
-/* Frequencies at which a band of 1 Hz is evaluated; consecutive weak bands that end a sweep. */
-enum { LINES = 20, WEAK_BANDS = 5 };
+#include <stddef.h>
+#include <string.h>
 
 /* Smallest share of the command's power in the strongest band; share of a step whose mean is its
  * end. */
@@ -62,35 +61,45 @@ static void compute_step(const double *time, const double *command, const double
     }
 }
 
-/* Computes the spectrum of the command, and its cross spectrum with the signal, in the band of 1 Hz
- * about a frequency. Between rows the command is held and the signal linear: both are sampled at
- * equal times. */
-static void add_band(const double *time, const double *command, const double *signal, size_t count,
-                     double hz, double *power, double complex *cross)
+/* Spectrum of a command, and its cross spectrum with a signal, in bands about 1, 2, ... Hz. */
+struct spectra {
+    double power[RESPONSE_BANDS];
+    double complex cross[RESPONSE_BANDS];
+};
+
+/* Adds the spectra of the second from `begin`, less its mean and under a Hann window. Between rows
+ * the command is held and the signal linear. The mean of a signal adds to the first band only. */
+static void add_second(const double *time, const double *command, const double *signal,
+                       double begin, size_t samples, struct spectra *spectra)
 {
-    const double step = (time[count - 1] - time[0]) / (double)(count - 1);
+    double complex sum[RESPONSE_BANDS][2] = {{0.0}}, angle[RESPONSE_BANDS], turn[RESPONSE_BANDS];
+    size_t row = 0;
 
-    *power = 0.0;
-    *cross = 0.0;
-    for (int line = 0; line < LINES; line++) {
-        const double w = 2.0 * M_PI * (hz - 0.5 + ((double)line + 0.5) / LINES);
-        const double complex turn = cexp(-w * step * (double complex)I);
-        double complex input = 0.0, output = 0.0, angle = 1.0;
-        size_t row = 0;
+    for (int b = 0; b < RESPONSE_BANDS; b++) {
+        angle[b] = 1.0;
+        turn[b] = cexp(-2.0 * M_PI * (b + 1) / (double)samples * (double complex)I);
+    }
+    for (size_t i = 0; i < samples; i++) {
+        const double at = (double)i / (double)samples, window = 1.0 - cos(2.0 * M_PI * at);
 
-        for (size_t i = 0; i < count; i++, angle *= turn) {
-            const double t = time[0] + (double)i * step;
-
-            while (row + 2 < count && time[row + 1] <= t) {
-                row++;
-            }
-            input += command[row] * angle;
-            output += (signal[row] + (signal[row + 1] - signal[row]) * (t - time[row]) /
-                                         (time[row + 1] - time[row])) *
-                      angle;
+        while (time[row + 1] <= begin + at) {
+            row++;
         }
-        *power += creal(input * conj(input));
-        *cross += output * conj(input);
+        const double input = command[row], output = signal[row] + (signal[row + 1] - signal[row]) *
+                                                                      (begin + at - time[row]) /
+                                                                      (time[row + 1] - time[row]);
+
+        sum[0][0] += 0.5 * input;
+        sum[0][1] += 0.5 * output;
+        for (int b = 0; b < RESPONSE_BANDS; b++) {
+            sum[b][0] += window * input * angle[b];
+            sum[b][1] += window * output * angle[b];
+            angle[b] *= turn[b];
+        }
+    }
+    for (int b = 0; b < RESPONSE_BANDS; b++) {
+        spectra->power[b] += creal(sum[b][0] * conj(sum[b][0]));
+        spectra->cross[b] += sum[b][1] * conj(sum[b][0]);
     }
 }
 
@@ -113,13 +122,34 @@ static void judge_bands(struct response *r)
     }
 }
 
+/* Computes the response to a sweep from seconds that overlap by half. */
+static void compute_sweep(const double *time, const double *command, const double *signal,
+                          size_t count, struct response *r)
+{
+    const double length = time[count - 1] - time[0], rate = (double)(count - 1) / length;
+    const int bands = (int)fmin(RESPONSE_BANDS, 0.5 * rate - 0.5);
+    struct spectra spectra = {.power = {0.0}};
+    double most = 0.0;
+
+    for (int half = 0; 0.5 * half + 1.0 <= length; half++) {
+        add_second(time, command, signal, time[0] + 0.5 * half, (size_t)rate, &spectra);
+    }
+    for (int b = 0; b < bands; b++) {
+        most = fmax(most, spectra.power[b]);
+    }
+    for (int b = 0; b < bands; b++) {
+        if (spectra.power[b] > EXCITED * most) {
+            r->band[r->nband] = b + 1.0;
+            r->magnitude[r->nband++] = cabs(spectra.cross[b]) / spectra.power[b];
+        }
+    }
+    judge_bands(r);
+}
+
 void response_compute(const double *time, const double *command, const double *signal, size_t count,
                       struct response *r)
 {
-    const double rate = (double)(count - 1) / (time[count - 1] - time[0]);
-    double power[RESPONSE_BANDS], most = 0.0;
-    double complex cross[RESPONSE_BANDS];
-    size_t change = 0, changes = 0, nband = 0, weak = 0;
+    size_t change = 0, changes = 0;
 
     *r = (struct response){.t10 = NAN,
                            .t63 = NAN,
@@ -132,23 +162,58 @@ void response_compute(const double *time, const double *command, const double *s
     for (size_t i = 1; i < count; i++) {
         change = command[i] != command[i - 1] && changes++ == 0 ? i : change;
     }
-    if (changes <= 1) {
-        if (changes == 1) {
-            compute_step(time, command, signal, count, change, r);
-        }
-        return;
+    if (changes == 1) {
+        compute_step(time, command, signal, count, change, r);
+    } else if (changes > 1) {
+        compute_sweep(time, command, signal, count, r);
     }
-    for (; nband < RESPONSE_BANDS && (double)nband + 1.5 < 0.5 * rate && weak < WEAK_BANDS;
-         nband++) {
-        add_band(time, command, signal, count, (double)nband + 1.0, &power[nband], &cross[nband]);
-        most = fmax(most, power[nband]);
-        weak = power[nband] < EXCITED * most ? weak + 1 : 0;
+}
+
+void response_of(const struct bench_law *law, const struct recording *r, const double *signal,
+                 struct response *response)
+{
+    response_compute(r->time, law->duty_per_rad > 0.0 ? r->goal : r->voltage, signal, r->count,
+                     response);
+}
+
+/* ---- limits ---- */
+
+/* The RMS error, and the quantities of a response by their place in it. */
+const struct word limit_words[] = {{"share", -1},
+                                   {"t10", offsetof(struct response, t10)},
+                                   {"t63", offsetof(struct response, t63)},
+                                   {"t90", offsetof(struct response, t90)},
+                                   {"gain", offsetof(struct response, gain)},
+                                   {"bandwidth", offsetof(struct response, bandwidth)},
+                                   {"peak", offsetof(struct response, peak)},
+                                   {NULL, 0}};
+
+double limit_error(const struct validation *v, const struct bench_limit *limit, size_t i)
+{
+    const struct recording *r = &v->bench.recording[i];
+    const enum signal first = recording_first(r);
+    const double *measured = r->signal[first], *simulated = v->simulated[i].signal[first];
+    struct response of[2];
+    double value[2];
+
+    if (!v->judges[i] ||
+        (limit->of && strcmp(limit->of, r->group) != 0 && strcmp(limit->of, r->name) != 0)) {
+        return (double)NAN;
     }
-    for (size_t i = 0; i < nband; i++) {
-        if (power[i] >= EXCITED * most) {
-            r->band[r->nband] = (double)i + 1.0;
-            r->magnitude[r->nband++] = cabs(cross[i]) / power[i];
-        }
+    if (limit->what < 0) {
+        return 100.0 * simulation_compare(measured, simulated, r->count).share;
     }
-    judge_bands(r);
+    for (int k = 0; k < 2; k++) {
+        response_of(&v->bench.bench.law, r, k == 0 ? measured : simulated, &of[k]);
+        memcpy(&value[k], (const char *)&of[k] + limit->what, sizeof value[k]);
+    }
+    return isnan(value[1]) && !isnan(value[0]) ? (double)INFINITY
+                                               : 100.0 * (value[1] / value[0] - 1.0);
+}
+
+const char *limit_verdict(const struct bench_limit *limit, double error)
+{
+    return fabs(error) > limit->percent          ? "limit missed"
+           : fabs(error) > limit->wanted_percent ? "wish missed"
+                                                 : "held";
 }

@@ -120,10 +120,10 @@ static double start_position(const struct recording *r)
 }
 
 /* A host's loop about the torque of the spring: the torques of the last ticks, which exceed the
- * longest delay by the shortest tick, and its error. */
+ * longest delay by the shortest tick, the torque that the host has, and its command. */
 enum { TORQUES = 10002 };
 struct torque_loop {
-    double torque[TORQUES], error, taken;
+    double torque[TORQUES], told, correction, command, period;
 };
 
 /* A joint in a simulation: its recording, and its present row and signals. */
@@ -138,7 +138,7 @@ struct joint_run {
     double guide;             /* feedback of the measured position, unit of the command per rad */
     double lock_nm_rad;       /* stiffness of the load cell; 0 = the torque of the drive */
     double value[2][SIGNALS]; /* before and after the tick */
-    size_t row, next;         /* of the command; of the next time */
+    size_t row, begun, next;  /* of the command; of the next command; of the next time */
 };
 
 /* Reads the signals of a joint from the plant's sensors. Returns false if they are not finite. */
@@ -158,17 +158,31 @@ static bool sense_signals(struct joint_run *run)
     return isfinite(sense->q);
 }
 
-/* Returns the command of the loop in tick k, whose row is new or not. */
-static double run_torque_loop(const struct bench_law *law, struct torque_loop *loop, size_t k,
-                              double tick, double now, double reference)
+/* Returns the time from which the command of a row holds. The first row is there from the start. */
+static double command_time(const struct recording *r, size_t row)
 {
-    const size_t late = (size_t)(law->torque_delay_s / tick + 0.5);
+    const double next = r->time[row + 1 < r->count ? row + 1 : row];
 
-    if (now >= loop->taken + law->torque_period_s) {
-        loop->error = reference - (late <= k ? loop->torque[(k - late) % TORQUES] : 0.0);
-        loop->taken = now;
+    return row == 0 ? r->time[0] : r->time[row] + r->command_at * (next - r->time[row]);
+}
+
+/* Runs the loop in a row that is `age` seconds old in tick k. */
+static void run_torque_loop(const struct bench_law *law, const struct recording *r, size_t row,
+                            double age, double tick, size_t k, struct torque_loop *loop)
+{
+    const size_t late =
+        (size_t)fmin((age + law->torque_delay_s) / tick + 0.5, (double)(TORQUES - 1));
+    const double period = floor((r->time[row] - r->time[0]) / law->torque_period_s);
+    const double torque = late <= k ? loop->torque[(k - late) % TORQUES] : 0.0;
+
+    loop->told += law->torque_share * (law->torque_gain * torque - loop->told);
+    if (row == 0 || law->torque_period_s == 0.0 || period != loop->period) {
+        loop->correction = law->torque_kp * (r->voltage[row] - loop->told);
+        loop->correction =
+            fmax(-law->torque_limit_nm, fmin(law->torque_limit_nm, loop->correction));
+        loop->period = period;
     }
-    return reference + law->torque_kp * loop->error;
+    loop->command = law->torque_feed_forward * r->voltage[row] + loop->correction;
 }
 
 /* Sets the command of a joint from a time on, in tick k. row is the last row at that time; the
@@ -177,12 +191,17 @@ static void command_joint(const struct rig *rig, const struct bench_law *law, st
                           size_t k, double now)
 {
     const struct recording *r = run->r;
-    const double supply = r->supply > 0.0 ? r->supply : rig->supply_v;
+    const double supply = r->supply > 0.0 ? r->supply : rig->supply_v,
+                 tick = (double)rig->tick_ns * 1e-9;
     struct motor_command *command = run->command;
     double duty, given;
 
-    while (run->row + 1 < r->count && r->time[run->row + 1] <= now - run->bench->delay_s + 1e-9) {
-        run->row++;
+    /* Take the rows whose commands hold from this tick on */
+    run->loop.torque[k % TORQUES] = run->value[1][SIGNAL_LOAD_TORQUE];
+    while (run->begun < r->count &&
+           command_time(r, run->begun) <= now - run->bench->delay_s + 1e-9) {
+        run->row = run->begun++;
+        run_torque_loop(law, r, run->row, now - r->time[run->row], tick, k, &run->loop);
     }
     command->bridge_on = r->enabled[run->row];
     if (law->duty_per_rad > 0.0) {
@@ -191,13 +210,9 @@ static void command_joint(const struct rig *rig, const struct bench_law *law, st
         command->voltage_v = duty * supply;
         return;
     }
-    given = r->voltage[r->voltage_before && run->row + 1 < r->count ? run->row + 1 : run->row];
-    if (law->torque_kp > 0.0) {
-        const double tick = 1e-9 * (double)rig->tick_ns;
-
-        run->loop.torque[k % TORQUES] = run->value[1][SIGNAL_LOAD_TORQUE];
-        given = run_torque_loop(law, &run->loop, k, tick, now, r->voltage[run->row]);
-    }
+    given = law->torque_kp > 0.0
+                ? run->loop.command
+                : r->voltage[r->voltage_before && run->row + 1 < r->count ? run->row + 1 : run->row];
     command->voltage_v = run->bench->command_gain * given;
     if (run->guide > 0.0) {
         command->voltage_v +=
@@ -300,7 +315,6 @@ enum error_code simulate_recording(const struct rig *rig, const struct trial_rob
                                     .sense = &plant_sensors(plant)->motor[j],
                                     .command = &plant_command(plant)->motor[j],
                                     .out = &out[i],
-                                    .loop.taken = -INFINITY,
                                     .lock_nm_rad = trial.mount.lock_nm_rad};
         for (size_t k = 0; k < recording[i].count && recording[i].signal[SIGNAL_POSITION]; k++) {
             run[i].guide = fmax(run[i].guide, trial.guide * fabs(recording[i].voltage[k]));

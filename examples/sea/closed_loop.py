@@ -6,9 +6,9 @@
 
 rig.yaml beside this file is the measured actuator of config/validation/sea-rmd-x8.yaml.
 The controller is that of the recordings: it commands the reference plus the error of the spring's
-torque. It updates the error every 10 ms, from a torque that is three periods old, because the
-spring's encoder had a serial line. The reference is a sweep to 40 Hz in 40 s. The program prints
-gains by the cross spectrum in bands of 1 Hz.
+torque. It updates the error every 15.625 ms, from a smoothed torque that is a period old. The
+reference is a sweep to 40 Hz in 40 s. The program prints gains by the cross spectrum in bands of
+1 Hz.
 FILE has the columns of the recordings, for `coman-hil identify`.
 """
 import cmath
@@ -19,10 +19,11 @@ import sys
 import coman_hil
 
 RIG = pathlib.Path(__file__).with_name("rig.yaml")
-RATE_HZ, ERROR_PERIOD_S, LATE = 600.0, 0.01, 3
+RATE_HZ, ERROR_PERIOD_S, LATE = 600.0, 1.0 / 64.0, 1
+SHARE, SPRING_GAIN = 0.22, 1.12    # of a new torque; told divided by true torque
 SWEEP_S, SWEEP_HZ = 40.0, 40.0
 TORQUE_CONSTANT_NM_A = 1.393    # of the recordings' author, at the output of the gear
-COMMAND_GAIN = 0.995            # on the day of the sweeps
+COMMAND_GAIN = 1.112            # in the closed sweeps
 
 
 def respond(rows, hz, lines=10):
@@ -40,7 +41,7 @@ def respond(rows, hz, lines=10):
 
 def sweep(amplitude_nm, duration_s=SWEEP_S):
     """Rows of time, reference and torque of the spring."""
-    rows, error, taken = [], 0.0, -1.0
+    rows, error, told, taken = [], 0.0, 0.0, -1
     with coman_hil.Simulator(RIG) as sim:
         joint = sim.joints["output"]
         sim.enable("output", quantity="current")
@@ -48,8 +49,9 @@ def sweep(amplitude_nm, duration_s=SWEEP_S):
         while (time := sim.time_s - begin) < duration_s:
             reference = amplitude_nm * math.sin(math.pi * SWEEP_HZ / SWEEP_S * time * time)
             torque = joint.torque_nm
-            if time >= taken + ERROR_PERIOD_S:
-                error, taken = reference - (rows[-LATE][2] if len(rows) >= LATE else 0.0), time
+            told += SHARE * (SPRING_GAIN * (rows[-LATE][2] if len(rows) >= LATE else 0.0) - told)
+            if time // ERROR_PERIOD_S != taken:
+                error, taken = reference - told, time // ERROR_PERIOD_S
             joint.current_a = COMMAND_GAIN * (reference + error) / TORQUE_CONSTANT_NM_A
             rows.append((time, reference, torque))
             # Ticks of 1 ms that end at or after the next period of 1/600 s

@@ -420,6 +420,61 @@ TEST(drives_of_an_arm_come_back_mounted)
     assert_int_not_equal(access(HIL_BINARY_DIR "/arm-found-pitch.yaml", F_OK), 0);
 }
 
+/* A drive at a lock, whose output is the command: the torques at which loops about the spring come
+ * to rest. A command that comes into force in the middle of its row is one with a delay. */
+TEST(a_host_closes_its_loop_about_the_spring)
+{
+    static const struct {
+        struct bench_law law;
+        double expected;
+    } rows[] = {
+        {{.torque_gain = 1.0, .torque_feed_forward = 1.0}, 0.2},
+        {{.torque_gain = 2.0, .torque_feed_forward = 1.0}, 0.15},
+        {{.torque_gain = 1.0, .torque_feed_forward = 0.0}, 0.2 / 3.0},
+        {{.torque_gain = 1.0, .torque_limit_nm = 0.05}, 0.05},
+        {{.torque_gain = 1.0, .torque_share = 0.2, .torque_period_s = 0.0625}, 0.2 / 3.0},
+    };
+    static double late[ROWS];
+    const struct bench_law none = {0};
+    struct recording r = recording;
+    struct trial_robot trial = bench.trial;
+    struct simulated out = {.signal = {[SIGNAL_LOAD_TORQUE] = current}};
+    struct simulated delayed = {.signal = {[SIGNAL_LOAD_TORQUE] = late}};
+
+    trial.effects[0] = (struct robot_effects){0};
+    trial.joint[0].sea.Ks = 2425.0;
+    trial.joint[0].sea.J = 0.03;
+    trial.joint[0].sea.Dm = 1.2;
+    trial.joint[0].sea.command_filter_s = 0.03;
+    trial.mount = (struct bench_mount){.output = OUTPUT_LOCKED};
+    r.signal[SIGNAL_POSITION] = NULL;
+    r.command = COMMAND_TORQUE;
+    for (size_t i = 0; i < ROWS; i++) {
+        column[2][i] = 0.2;
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
+        struct bench_law law = rows[i].law;
+
+        law.torque_kp = 0.5;
+        law.torque_delay_s = 0.002;
+        law.torque_share = law.torque_share > 0.0 ? law.torque_share : 1.0;
+        law.torque_limit_nm = law.torque_limit_nm > 0.0 ? law.torque_limit_nm : 1e9;
+        assert_ok(simulate_recording(bench.rig, &trial, &law, &r, &out, &error));
+        assert_near(current[ROWS - 1], rows[i].expected, 1e-4);
+    }
+    for (size_t i = 0; i < ROWS; i++) {
+        column[2][i] = i / 100 % 2 ? 0.2 : -0.1;
+    }
+    r.command_at = 0.5;
+    assert_ok(simulate_recording(bench.rig, &trial, &none, &r, &out, &error));
+    r.command_at = 0.0;
+    trial.bench[0].delay_s = 0.002;
+    assert_ok(simulate_recording(bench.rig, &trial, &none, &r, &delayed, &error));
+    for (size_t i = 0; i < ROWS; i++) {
+        assert_near(current[i], late[i], 0.0);
+    }
+}
+
 /* A lag of 50 ms with a gain of 2: times of a step are tau ln 1/(1 - share), and the bandwidth of a
  * sweep is where |H| falls to 0.707 of |H| at 1 Hz. */
 TEST(responses_are_of_closed_form)
@@ -448,9 +503,67 @@ TEST(responses_are_of_closed_form)
     assert_near(r.gain, 2.0, 1e-6);
     assert_near(r.overshoot, 0.0, 1e-6);
     response_compute(time, command[1], signal[1], COUNT, &r);
-    assert_near(r.gain, 2.0 / sqrt(1.0 + w1 * w1), 0.02);
-    assert_near(r.bandwidth, sqrt(2.0 * (1.0 + w1 * w1) - 1.0) / w1, 0.1);
+    assert_near(r.gain, 2.0 / sqrt(1.0 + w1 * w1), 0.1);
+    assert_near(r.bandwidth, sqrt(2.0 * (1.0 + w1 * w1) - 1.0) / w1, 0.35);
     assert_near(r.peak_hz, 1.0, 0.0);
+    assert_true(r.nband >= 19);
+    for (size_t i = 2; i < 16; i++) {
+        assert_near(r.magnitude[i] * hypot(1.0, w1 * r.band[i]), 2.0, 0.02);
+    }
+}
+
+/* Limits of the step of a lag, whose simulation has 1.1 times its time constant and 1.05 times its
+ * gain. A recording of another group, or without the quantity, has no error. */
+TEST(limits_are_judged_apart)
+{
+    enum { COUNT = 4000 };
+    static double time[COUNT], command[COUNT], measured[COUNT], simulated[COUNT];
+    static struct validation v;
+    static const struct {
+        const char *what, *of;
+        double percent, error;
+        const char *verdict;
+    } rows[] = {
+        {"t63", NULL, 10.2, 10.0, "wish missed"}, {"t90", NULL, 9.8, 10.0, "limit missed"},
+        {"gain", "a", 5.2, 5.0, "held"},          {"gain", "step.csv", 4.8, 5.0, "limit missed"},
+        {"bandwidth", NULL, 100.0, NAN, "held"},  {"gain", "b", 100.0, NAN, "held"},
+        {"share", NULL, 5.3, 5.0, "held"},
+    };
+    struct recording r = {.name = "step.csv",
+                          .group = "a",
+                          .count = COUNT,
+                          .time = time,
+                          .voltage = command,
+                          .signal = {[SIGNAL_LOAD_TORQUE] = measured}};
+
+    for (size_t i = 0; i < COUNT; i++) {
+        const double t = 1e-3 * ((double)i - 1000.0);
+
+        time[i] = 1e-3 * (double)i;
+        command[i] = i < 1000 ? 0.0 : 3.0;
+        measured[i] = i < 1000 ? 0.0 : 6.0 * -expm1(-t / 0.05);
+        simulated[i] = i < 1000 ? 0.0 : 6.3 * -expm1(-t / 0.055);
+    }
+    v.bench.recording = &r;
+    v.bench.nrecording = 1;
+    v.judges[0] = true;
+    v.simulated[0].signal[SIGNAL_LOAD_TORQUE] = simulated;
+    for (size_t i = 0; i < ARRAY_COUNT(rows); i++) {
+        const struct word *word = limit_words;
+
+        while (strcmp(word->word, rows[i].what) != 0) {
+            word++;
+        }
+        const struct bench_limit limit = {.what = word->value,
+                                          .of = rows[i].of,
+                                          .percent = rows[i].percent,
+                                          .wanted_percent = 6.0};
+        const double found = limit_error(&v, &limit, 0);
+
+        assert_int_equal(isnan(found), isnan(rows[i].error));
+        assert_true(isnan(found) || fabs(found - rows[i].error) < 0.2);
+        assert_string_equal(limit_verdict(&limit, found), rows[i].verdict);
+    }
 }
 
 /* A number that the recording does not depend on is said not to be told. */
@@ -522,6 +635,13 @@ TEST(wrong_benches_are_refused_with_their_place)
             "found group \"b\", expected a recording's");
     refuses(GIVEN "free: [{key: R_ohm, group: b}]\nrecordings: [{file: x, group: a}]\n",
             "found group \"b\"");
+    refuses(GIVEN "limits: [{what: peak, of: b, percent: 1}]\nrecordings: [{file: c/x}]\n",
+            "identify-bench.yaml:6:10: found group \"b\"");
+    refuses(GIVEN "limits: [{what: peak, of: x, percent: -1}]\nrecordings: [{file: c/x}]\n",
+            "found -1");
+    refuses("name: a\nsource: b\nlicense: c\ndrive: d\nlimits: [{what: peak, percent: 1}]\n"
+            "columns: {load: t, speed: w, supply: v, supply_current: i}\n",
+            "identify-bench.yaml:5:10: found limits of steady states");
     refuses(HEAD "columns: {load: t, speed: w, supply: v, supply_current: i}\n",
             "identify-bench.yaml:5:10: found a column \"load\", expected steady states");
 }
