@@ -1,13 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Steps of the numeric rigid-body algorithms at one joint, for dynamics_generic.c: transforms
- * between a body and its parent, and the joint's part of the outward and inward sweeps
- * (Featherstone, Rigid Body Dynamics Algorithms, 2008, tables 5.1 and 7.1). All in body
- * coordinates; SI units.
+ * Steps of the numeric rigid-body algorithms, for dynamics_sweeps.c (Featherstone, Rigid Body
+ * Dynamics Algorithms, 2008, tables 5.1 and 7.1). Bodies at the same distance from the base are
+ * independent of each other. So a group of up to four of them is computed side by side, one body
+ * per lane. Limbs keep their lane from the base to the tip, so that a parent is in the lane of its
+ * child. Only where limbs begin, numbers move between lanes.
  *
- * Code for a joint axis is written once with the axis number k as a parameter and inlined for k =
- * 0, 1, 2 (BY_JOINT). So a rotation costs a rotation in a plane, not a 3x3 product. Index k is the
- * joint axis, i and j follow it in cyclic order. No memory, no errors. RT-safe.
+ * Spatial quantities have world axes and refer to the body's origin, so that nothing is rotated on
+ * the way between bodies. Each body has an inner frame whose z axis is the joint axis. SI units. A
+ * lane without a body has no mass, and its joint has the inertia 1. The order of operations is the
+ * same for each instruction set. No memory, no errors. RT-safe.
  */
 #ifndef MODEL_DYNAMICS_KERNELS_H
 #define MODEL_DYNAMICS_KERNELS_H
@@ -18,443 +20,407 @@
 
 #define INLINE static inline __attribute__((always_inline))
 
-/* Constants of a body and the joint that moves it. All in the body's inner frame, except origin
- * and fixed, which are in the parent's frame. */
-struct link {
-    int parent;
-    enum joint_type type;
-    int axis;         /* k: the coordinate axis of the inner frame that is the joint axis */
-    bool turned;      /* true: fixed is not the identity */
-    bool offset;      /* true: origin is not zero, or moves (prismatic) */
-    bool inner;       /* true: the inner frame differs from the body's frame */
-    double origin[3]; /* origin of the body at q = 0 */
-    double fixed[9];  /* rotation, this frame to parent, at q = 0 */
-    double align[9];  /* rotation, inner to body frame */
-    double slide[3];  /* direction of a prismatic joint, in the parent's frame */
-    double mass;      /* kg */
-    double moment[3]; /* mass times center of mass, kg m */
-    double I[6];      /* inertia about the body's origin, kg m2 */
-    struct spatial_inertia rigid;
+/* Number of bodies in a group. */
+#define GROUP 4
+
+typedef double lanes __attribute__((vector_size(GROUP * sizeof(double))));
+typedef long long lanes_bits __attribute__((vector_size(GROUP * sizeof(long long))));
+
+/* struct spatial and struct spatial_inertia of the bodies of a group. */
+struct spatial_lanes {
+    lanes a[3], l[3];
 };
 
-/* Results of one evaluation for a body. */
-struct link_state {
-    double c, s; /* cosine and sine of a revolute joint's angle */
-    double r[3]; /* origin in the parent's frame */
-    struct spatial v;
-    struct spatial bias;  /* velocity-product acceleration */
-    struct spatial drift; /* acceleration at vdot = 0, gravity included */
-    struct spatial p;     /* bias force; in inverse dynamics the force across the joint */
-    struct spatial a;
-    struct spatial_inertia A; /* articulated inertia */
-    struct spatial U;         /* A times the joint's axis */
-    double inverse_d, u;
-    double R[9], position[3]; /* inner frame to world */
+struct inertia_lanes {
+    lanes J[6], H[9], M[6];
+};
+
+/* Bodies, the joints that move them, and results of one evaluation. */
+struct group {
+    int body[GROUP];   /* number of the body; -1: none */
+    int joint[GROUP];  /* number of its joint; 0: none */
+    int parent[GROUP]; /* group of its parent */
+    int lane[GROUP];   /* lane of its parent */
+    bool aligned;      /* all parents are in one group, in the lanes of their children */
+    bool slides;       /* at least one joint is prismatic */
+    lanes turns;       /* 1: revolute, 0: prismatic */
+    lanes idle;        /* 1: no body */
+    lanes origin[3];   /* origin of the body at q = 0, in the parent's frame */
+    lanes fixed[9];    /* rotation, this frame to parent, at q = 0 */
+    lanes align[9];    /* rotation, inner to body frame */
+    lanes mass;        /* kg */
+    lanes center[3];   /* mass times center of mass, kg m, inner frame */
+    lanes inertia[6];  /* about the body's origin, kg m2, inner frame */
+
+    lanes R[9], position[3];    /* inner frame to world */
+    lanes r[3];                 /* origin, from the parent's origin */
+    struct spatial_lanes v;     /* velocity */
+    struct spatial_lanes bias;  /* velocity-product acceleration */
+    struct spatial_lanes drift; /* acceleration at vdot = 0, gravity included */
+    struct spatial_lanes a;
+    struct spatial_lanes p; /* bias force; in inverse dynamics the force across the joint */
+    struct inertia_lanes A; /* articulated inertia */
+    lanes moment[3];        /* mass times center of mass, world axes */
+    struct spatial_lanes U; /* A times the joint's axis */
+    lanes inverse_d, u;
+};
+
+/* A body in a response to torques. */
+struct response {
+    struct spatial_lanes p, a; /* one response per lane */
+    lanes u;
+    bool moved;
 };
 
 struct generic {
-    size_t nbody;
-    size_t first; /* index in q and v of the first joint */
-    struct link *link;
-    struct link_state *state;
-    /* for respond, by body: its parent, and whether the torques move it. Apart from the links,
-     * which are too large to be visited without need */
-    int *parent;
-    bool *moved;
+    size_t nbody, ngroup;
+    size_t first;        /* index in q and v of the first joint */
+    struct group *group; /* ascending distance from the base, which is alone in group 0 */
+    /* by body */
+    int *home, *lane; /* its group, its lane */
+    struct response *response;
+    lanes *sine, *cosine; /* of the joints' positions, by joint */
     /* arguments of the stored results; equal arguments reuse the results */
     double *q, *v;
-    bool turned_known; /* c, s and r are valid for q */
+    bool place_known;  /* R, position and r are valid for q */
     bool moving_known; /* v and bias are valid for q and v */
-    bool place_known;  /* R and position are valid for q */
 };
 
-/* Calls kernel(type, axis, ...) with type and axis as constants. */
-#define BY_JOINT(link, kernel, ...)                                                                \
-    do {                                                                                           \
-        if ((link)->type == JOINT_REVOLUTE) {                                                      \
-            if ((link)->axis == 0) {                                                               \
-                kernel(JOINT_REVOLUTE, 0, __VA_ARGS__);                                            \
-            } else if ((link)->axis == 1) {                                                        \
-                kernel(JOINT_REVOLUTE, 1, __VA_ARGS__);                                            \
-            } else {                                                                               \
-                kernel(JOINT_REVOLUTE, 2, __VA_ARGS__);                                            \
-            }                                                                                      \
-        } else if ((link)->axis == 0) {                                                            \
-            kernel(JOINT_PRISMATIC, 0, __VA_ARGS__);                                               \
-        } else if ((link)->axis == 1) {                                                            \
-            kernel(JOINT_PRISMATIC, 1, __VA_ARGS__);                                               \
-        } else {                                                                                   \
-            kernel(JOINT_PRISMATIC, 2, __VA_ARGS__);                                               \
-        }                                                                                          \
-    } while (0)
-
-/* Rotates x from the parent's axes to the body's axes, y. */
-INLINE void turn_down(int k, const struct link *link, const struct link_state *state,
-                      const double x[3], double y[3])
+/* z += x cross y */
+INLINE void lanes_add_cross(const lanes x[3], const lanes y[3], lanes z[3])
 {
-    int i = (k + 1) % 3, j = (k + 2) % 3;
-    double t[3] = {x[0], x[1], x[2]};
-
-    if (link->turned) {
-        mat3_apply_transposed(link->fixed, x, t);
-    }
-    y[k] = t[k];
-    y[i] = state->c * t[i] + state->s * t[j];
-    y[j] = state->c * t[j] - state->s * t[i];
+    z[0] += x[1] * y[2] - x[2] * y[1];
+    z[1] += x[2] * y[0] - x[0] * y[2];
+    z[2] += x[0] * y[1] - x[1] * y[0];
 }
 
-/* Rotates x from the body's axes to the parent's axes, y. */
-INLINE void turn_up(int k, const struct link *link, const struct link_state *state,
-                    const double x[3], double y[3])
+/* Returns the dot product. */
+INLINE lanes lanes_dot(const lanes x[3], const lanes y[3])
 {
-    int i = (k + 1) % 3, j = (k + 2) % 3;
-    double t[3];
+    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
+}
 
-    t[k] = x[k];
-    t[i] = state->c * x[i] - state->s * x[j];
-    t[j] = state->s * x[i] + state->c * x[j];
-    if (link->turned) {
-        mat3_apply(link->fixed, t, y);
-    } else {
-        memcpy(y, t, sizeof t);
+/* y = A x */
+INLINE void lanes_apply(const lanes A[9], const lanes x[3], lanes y[3])
+{
+    for (int i = 0; i < 3; i++) {
+        y[i] = A[3 * i] * x[0] + A[3 * i + 1] * x[1] + A[3 * i + 2] * x[2];
     }
 }
 
-/* Computes the parent's motion at the body's origin, in the body's axes. */
-INLINE void motion_down(int k, const struct link *link, const struct link_state *state,
-                        const struct spatial *parent, struct spatial *child)
+/* y = S x, S symmetric */
+INLINE void lanes_apply_sym(const lanes S[6], const lanes x[3], lanes y[3])
 {
-    double l[3] = {parent->l[0], parent->l[1], parent->l[2]};
-
-    if (link->offset) {
-        vec3_add_cross(parent->a, state->r, l);
-    }
-    turn_down(k, link, state, parent->a, child->a);
-    turn_down(k, link, state, l, child->l);
-}
-
-/* Adds the body's force to the parent's force, at the parent's origin and in its axes. */
-INLINE void force_up(int k, const struct link *link, const struct link_state *state,
-                     const struct spatial *child, struct spatial *parent)
-{
-    double f[3], n[3];
-
-    turn_up(k, link, state, child->l, f);
-    turn_up(k, link, state, child->a, n);
-    if (link->offset) {
-        vec3_add_cross(state->r, f, n);
-    }
-    for (int m = 0; m < 3; m++) {
-        parent->a[m] += n[m];
-        parent->l[m] += f[m];
+    for (int i = 0; i < 3; i++) {
+        y[i] = S[sym3_index[i][0]] * x[0] + S[sym3_index[i][1]] * x[1] + S[sym3_index[i][2]] * x[2];
     }
 }
 
-/* Rotates a symmetric matrix about axis k: S <- Rot S Rot^T. plane: row k of S is zero. */
-INLINE void sym3_turn(int k, bool plane, double c, double s, double S[6])
+/* C = A B */
+INLINE void lanes_mul(const lanes A[9], const lanes B[9], lanes C[9])
 {
-    int i = (k + 1) % 3, j = (k + 2) % 3;
-    int ii = sym3_index[i][i], ij = sym3_index[i][j], jj = sym3_index[j][j];
-    int ik = sym3_index[i][k], jk = sym3_index[j][k];
-    double a = c * S[ii] - s * S[ij], b = c * S[ij] - s * S[jj];
-    double d = s * S[ii] + c * S[ij], e = s * S[ij] + c * S[jj];
+    for (int i = 0; i < 9; i++) {
+        const lanes *row = A + i / 3 * 3;
 
-    S[ii] = c * a - s * b;
-    S[ij] = s * a + c * b;
-    S[jj] = s * d + c * e;
-    if (!plane) {
-        double x = S[ik], y = S[jk];
-
-        S[ik] = c * x - s * y;
-        S[jk] = s * x + c * y;
+        C[i] = row[0] * B[i % 3] + row[1] * B[3 + i % 3] + row[2] * B[6 + i % 3];
     }
 }
 
-/* Rotates a matrix about axis k: H <- Rot H Rot^T. plane: row k of H is zero. */
-INLINE void mat3_turn(int k, bool plane, double c, double s, double H[9])
+/* Returns an element of the product T R^T. */
+INLINE lanes lanes_row_product(const lanes T[9], const lanes R[9], int row, int column)
 {
-    int i = (k + 1) % 3, j = (k + 2) % 3;
+    const lanes *x = T + 3 * row, *y = R + 3 * column;
 
-    for (int column = 0; column < 3; column++) {
-        double x = H[3 * i + column], y = H[3 * j + column];
+    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
+}
 
-        H[3 * i + column] = c * x - s * y;
-        H[3 * j + column] = s * x + c * y;
+/* S <- R S R^T, S symmetric */
+INLINE void lanes_rotate_sym(const lanes R[9], lanes S[6])
+{
+    lanes T[9];
+
+    for (int i = 0; i < 3; i++) {
+        lanes_apply_sym(S, R + 3 * i, T + 3 * i);
     }
-    for (int row = 0; row < 3; row++) {
-        if (plane && row == k) {
-            continue;
+    for (int i = 0; i < 3; i++) {
+        for (int j = i; j < 3; j++) {
+            S[sym3_index[i][j]] = lanes_row_product(T, R, i, j);
         }
-        double x = H[3 * row + i], y = H[3 * row + j];
-
-        H[3 * row + i] = c * x - s * y;
-        H[3 * row + j] = s * x + c * y;
     }
 }
 
-/* Computes f = I v for the rigid body alone. */
-static inline void rigid_apply(const struct link *link, const struct spatial *v, struct spatial *f)
+/* Returns count numbers of the parents, each in the lane of its child. at: where a group stores
+ * them. */
+INLINE const lanes *from_parents(const struct generic *g, const struct group *child, size_t at,
+                                 int count, lanes *gathered)
 {
-    sym3_apply(link->I, v->a, f->a);
-    vec3_add_cross(link->moment, v->l, f->a);
+    const double *from[GROUP];
+
+    for (int i = 0; i < GROUP; i++) {
+        from[i] = (const double *)((const char *)&g->group[child->parent[i]] + at);
+    }
+    if (child->aligned) {
+        return (const lanes *)from[0];
+    }
+    for (int i = 0; i < GROUP; i++) {
+        from[i] += child->lane[i];
+    }
+    for (int m = 0; m < count * GROUP; m += GROUP) {
+        gathered[m / GROUP] = (lanes){from[0][m], from[1][m], from[2][m], from[3][m]};
+    }
+    return gathered;
+}
+
+/* Adds count numbers of each body to those of its parent. at: where a group stores them. */
+INLINE void add_to_parents(const struct generic *g, const struct group *child, size_t at,
+                           const lanes *x, int count)
+{
+    for (int i = 0; i < (child->aligned ? 1 : GROUP); i++) {
+        lanes *sum = (lanes *)((char *)&g->group[child->parent[i]] + at);
+
+        for (int m = 0; m < count; m++) {
+            if (child->aligned) {
+                sum[m] += x[m];
+            } else if (child->body[i] >= 0) {
+                sum[m][child->lane[i]] += x[m][i];
+            }
+        }
+    }
+}
+
+/* Computes the parents' motions at the bodies' origins. at: where a group stores this motion. */
+INLINE void motion_out(const struct generic *g, const struct group *group, size_t at,
+                       struct spatial_lanes *child)
+{
+    lanes gathered[6];
+    const lanes *parent = from_parents(g, group, at, 6, gathered);
+
     for (int m = 0; m < 3; m++) {
-        f->l[m] = link->mass * v->l[m];
+        child->a[m] = parent[m];
+        child->l[m] = parent[3 + m];
     }
-    vec3_add_cross(v->a, link->moment, f->l);
+    lanes_add_cross(parent, group->r, child->l);
 }
 
-/* Computes p = v x* (I v), the force that the rigid body needs at zero acceleration. */
-static inline void rigid_bias(const struct link *link, const struct spatial *v, struct spatial *p)
+/* Adds the bodies' forces to the parents' forces, at the parents' origins. */
+INLINE void force_in(const struct generic *g, const struct group *group,
+                     const struct spatial_lanes *child)
 {
-    struct spatial h;
+    struct spatial_lanes f = *child;
 
-    rigid_apply(link, v, &h);
-    vec3_cross(v->a, h.a, p->a);
-    vec3_add_cross(v->l, h.l, p->a);
-    vec3_cross(v->a, h.l, p->l);
+    lanes_add_cross(group->r, f.l, f.a);
+    add_to_parents(g, group, offsetof(struct group, p), f.a, 6);
 }
 
-/* Subtracts the external wrench on the body from p. */
-static inline void subtract_wrench(const struct link *link, const struct wrench *ext,
-                                   struct spatial *p)
+/* Computes moment and the inertia of the rigid bodies, A, in world axes. */
+INLINE void place_inertia(struct group *group)
 {
-    double n[3] = {ext->moment[0], ext->moment[1], ext->moment[2]};
-    double f[3] = {ext->force[0], ext->force[1], ext->force[2]};
+    const lanes *h = group->moment, zero = {0.0}, mass = group->mass;
+    struct inertia_lanes *A = &group->A;
 
-    if (link->inner) {
-        mat3_apply_transposed(link->align, ext->moment, n);
-        mat3_apply_transposed(link->align, ext->force, f);
+    lanes_apply(group->R, group->center, group->moment);
+    for (int k = 0; k < 6; k++) {
+        A->J[k] = group->inertia[k];
+        A->M[k] = k == 0 || k == 3 || k == 5 ? mass : zero;
     }
+    lanes_rotate_sym(group->R, A->J);
+    A->H[0] = A->H[4] = A->H[8] = zero;
+    for (int i = 0; i < 3; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+
+        A->H[3 * i + j] = -h[k];
+        A->H[3 * i + k] = h[j];
+    }
+}
+
+/* Computes f = I v for the rigid bodies alone, after place_inertia. */
+INLINE void rigid_apply(const struct group *group, const struct spatial_lanes *v,
+                        struct spatial_lanes *f)
+{
+    lanes_apply_sym(group->A.J, v->a, f->a);
+    lanes_add_cross(group->moment, v->l, f->a);
     for (int m = 0; m < 3; m++) {
-        p->a[m] -= n[m];
-        p->l[m] -= f[m];
+        f->l[m] = group->mass * v->l[m];
     }
+    lanes_add_cross(v->a, group->moment, f->l);
 }
 
-/* Computes the joint's transform from q. */
-INLINE void joint_transform(const struct link *link, double q, struct link_state *state)
+/* Computes p = v x* (I v), the force that the rigid bodies need at zero acceleration. */
+INLINE void rigid_bias(struct group *group)
 {
-    if (link->type == JOINT_REVOLUTE) {
-        portable_sincos(q, &state->s, &state->c);
-        return;
-    }
-    state->c = 1.0;
-    state->s = 0.0;
+    struct spatial_lanes h;
+
+    rigid_apply(group, &group->v, &h);
+    memset(&group->p, 0, sizeof group->p);
+    lanes_add_cross(group->v.a, h.a, group->p.a);
+    lanes_add_cross(group->v.l, h.l, group->p.a);
+    lanes_add_cross(group->v.a, h.l, group->p.l);
+}
+
+/* Adds the velocity-product accelerations. */
+INLINE void add_bias(const struct group *group, struct spatial_lanes *a)
+{
     for (int m = 0; m < 3; m++) {
-        state->r[m] = link->origin[m] + link->slide[m] * q;
+        a->a[m] += group->bias.a[m];
+        a->l[m] += group->bias.l[m];
     }
 }
 
-/* Computes the body's velocity from the parent's velocity. */
-INLINE void outward_velocity(enum joint_type type, int k, const struct link *link,
-                             const struct link_state *parent, double qd, struct link_state *state)
+/* Adds the joints' own motion to the bodies' motions. */
+INLINE void add_joint_motion(const struct group *group, lanes qd, struct spatial_lanes *x)
 {
-    int i = (k + 1) % 3, j = (k + 2) % 3;
+    const lanes turning = group->turns * qd;
 
-    /* Bias acceleration from the joint's own motion: v x (axis qd) */
-    if (type == JOINT_REVOLUTE) {
-        motion_down(k, link, state, &parent->v, &state->v);
-        state->v.a[k] += qd;
-        state->bias.a[k] = 0.0;
-        state->bias.a[i] = state->v.a[j] * qd;
-        state->bias.a[j] = -state->v.a[i] * qd;
-        state->bias.l[k] = 0.0;
-        state->bias.l[i] = state->v.l[j] * qd;
-        state->bias.l[j] = -state->v.l[i] * qd;
-    } else {
-        motion_down(k, link, state, &parent->v, &state->v);
-        state->v.l[k] += qd;
-        memset(&state->bias, 0, sizeof state->bias);
-        state->bias.l[i] = state->v.a[j] * qd;
-        state->bias.l[j] = -state->v.a[i] * qd;
+    for (int m = 0; m < 3; m++) {
+        x->a[m] += group->R[3 * m + 2] * turning;
+        if (group->slides) {
+            x->l[m] += group->R[3 * m + 2] * (qd - turning);
+        }
     }
 }
 
-/* Removes the joint's free motion from the inertia: A <- A - U U^T / d. A revolute joint without
- * extra inertia (plain) transmits no moment about its axis, so row k of J and H becomes zero. */
-INLINE void remove_joint_motion(enum joint_type type, int k, bool plain, const struct spatial *U,
-                                double inverse_d, struct spatial_inertia *A)
+/* Returns the components of forces along the joints' axes. */
+INLINE lanes along_axis(const struct group *group, const struct spatial_lanes *f)
 {
-    bool free = plain && type == JOINT_REVOLUTE;
+    const lanes axis[3] = {group->R[2], group->R[5], group->R[8]};
+    const lanes moment = lanes_dot(axis, f->a);
 
+    return group->slides ? group->turns * moment + (1.0 - group->turns) * lanes_dot(axis, f->l)
+                         : moment;
+}
+
+/* Computes the bodies' velocities from those of their parents, and the bias accelerations from the
+ * joints' own motion: v x (axis qd). */
+INLINE void outward_velocity(const struct generic *g, struct group *group, lanes qd)
+{
+    const lanes turning = group->turns * qd, sliding = qd - turning;
+    lanes turn[3], slide[3];
+
+    motion_out(g, group, offsetof(struct group, v), &group->v);
+    add_joint_motion(group, qd, &group->v);
+    for (int m = 0; m < 3; m++) {
+        turn[m] = group->R[3 * m + 2] * turning;
+        slide[m] = group->R[3 * m + 2] * sliding;
+    }
+    memset(&group->bias, 0, sizeof group->bias);
+    lanes_add_cross(group->v.a, turn, group->bias.a);
+    lanes_add_cross(group->v.l, turn, group->bias.l);
+    if (group->slides) {
+        lanes_add_cross(group->v.a, slide, group->bias.l);
+    }
+}
+
+/* Computes f = A x. */
+INLINE void inertia_apply(const struct inertia_lanes *A, const struct spatial_lanes *x,
+                          struct spatial_lanes *f)
+{
+    lanes l[3];
+
+    lanes_apply_sym(A->J, x->a, f->a);
+    lanes_apply(A->H, x->l, l);
+    lanes_apply_sym(A->M, x->l, f->l);
+    for (int m = 0; m < 3; m++) {
+        f->a[m] += l[m];
+        f->l[m] += A->H[m] * x->a[0] + A->H[3 + m] * x->a[1] + A->H[6 + m] * x->a[2];
+    }
+}
+
+/* Computes U = A S of the joints' axes S. */
+INLINE void project_inertia(const struct group *group, const struct inertia_lanes *A,
+                            struct spatial_lanes *U)
+{
+    const lanes turns = group->turns, slides = 1.0 - turns, *R = group->R;
+    const lanes axis[3] = {R[2], R[5], R[8]};
+    lanes a[3], l[3];
+
+    lanes_apply_sym(A->J, axis, U->a);
+    for (int m = 0; m < 3; m++) {
+        U->l[m] = A->H[m] * axis[0] + A->H[3 + m] * axis[1] + A->H[6 + m] * axis[2];
+    }
+    if (group->slides) {
+        lanes_apply(A->H, axis, a);
+        lanes_apply_sym(A->M, axis, l);
+        for (int m = 0; m < 3; m++) {
+            U->a[m] = turns * U->a[m] + slides * a[m];
+            U->l[m] = turns * U->l[m] + slides * l[m];
+        }
+    }
+}
+
+/* Removes the joints' own motion from the articulated inertias and adds the remainder to the
+ * parents. Extra inertia resists the joints' motion. */
+INLINE void inward_articulated(const struct generic *g, struct group *group, lanes tau, lanes extra)
+{
+    struct inertia_lanes A = group->A;
+    struct spatial_lanes U, p = group->p, biased;
+    const lanes *r = group->r;
+    lanes inverse_d, u, H[9];
+
+    /* d = S^T U + extra, u = tau - S^T p */
+    project_inertia(group, &A, &U);
+    inverse_d = 1.0 / (along_axis(group, &U) + extra);
+    u = tau - along_axis(group, &p);
+    group->U = U;
+    group->inverse_d = inverse_d;
+    group->u = u;
+
+    /* A <- A - U U^T / d */
     for (int row = 0; row < 3; row++) {
-        double a = U->a[row] * inverse_d, l = U->l[row] * inverse_d;
-        bool gone = free && row == k;
+        const lanes a = U.a[row] * inverse_d, l = U.l[row] * inverse_d;
 
         for (int column = 0; column < 3; column++) {
-            A->H[3 * row + column] = gone ? 0.0 : A->H[3 * row + column] - a * U->l[column];
+            A.H[3 * row + column] -= a * U.l[column];
         }
         for (int column = row; column < 3; column++) {
-            double *J = &A->J[sym3_index[row][column]];
-
-            *J = gone || (free && column == k) ? 0.0 : *J - a * U->a[column];
-            A->M[sym3_index[row][column]] -= l * U->l[column];
+            A.J[sym3_index[row][column]] -= a * U.a[column];
+            A.M[sym3_index[row][column]] -= l * U.l[column];
         }
     }
-}
 
-/* Adds A bias to p. The bias has no component along axis k. For a prismatic joint it has no angular
- * part. */
-INLINE void add_bias(enum joint_type type, int k, const struct spatial_inertia *A,
-                     const struct spatial *bias, struct spatial *p)
-{
-    int i = (k + 1) % 3, j = (k + 2) % 3;
-
+    /* p <- p + A bias + U u / d */
+    inertia_apply(&A, &group->bias, &biased);
     for (int m = 0; m < 3; m++) {
-        p->a[m] += A->H[3 * m + i] * bias->l[i] + A->H[3 * m + j] * bias->l[j];
-        p->l[m] += A->M[sym3_index[m][i]] * bias->l[i] + A->M[sym3_index[m][j]] * bias->l[j];
-        if (type == JOINT_REVOLUTE) {
-            p->a[m] += A->J[sym3_index[m][i]] * bias->a[i] + A->J[sym3_index[m][j]] * bias->a[j];
-            p->l[m] += A->H[3 * i + m] * bias->a[i] + A->H[3 * j + m] * bias->a[j];
-        }
+        p.a[m] += biased.a[m] + U.a[m] * (u * inverse_d);
+        p.l[m] += biased.l[m] + U.l[m] * (u * inverse_d);
     }
-}
+    force_in(g, group, &p);
 
-/* Removes the joint's own motion from the articulated inertia and adds the remainder to the parent.
- * Unless plain, extra inertia resists the joint's motion. */
-INLINE void inward_articulated(enum joint_type type, int k, bool plain, const struct link *link,
-                               double tau, double extra, struct link_state *state,
-                               struct link_state *parent)
-{
-    bool turns = type == JOINT_REVOLUTE;
-    struct spatial_inertia A = state->A;
-    struct spatial U, p = state->p;
-    double u, inverse_d;
-
-    /* U = A S, d = S^T U + extra, u = tau - S^T p */
-    for (int m = 0; m < 3; m++) {
-        U.a[m] = turns ? A.J[sym3_index[k][m]] : A.H[3 * m + k];
-        U.l[m] = turns ? A.H[3 * k + m] : A.M[sym3_index[k][m]];
-    }
-    inverse_d = 1.0 / ((turns ? U.a[k] : U.l[k]) + (plain ? 0.0 : extra));
-    u = tau - (turns ? p.a[k] : p.l[k]);
-    state->U = U;
-    state->inverse_d = inverse_d;
-    state->u = u;
-
-    /* A <- A - U U^T / d, p <- p + A bias + U u / d */
-    remove_joint_motion(type, k, plain, &U, inverse_d, &A);
-    add_bias(type, k, &A, &state->bias, &p);
-    for (int m = 0; m < 3; m++) {
-        p.a[m] += U.a[m] * (u * inverse_d);
-        p.l[m] += U.l[m] * (u * inverse_d);
-    }
-    force_up(k, link, state, &p, &parent->p);
-
-    /* Transforms to the parent's axes and origin */
-    if (turns) {
-        sym3_turn(k, plain, state->c, state->s, A.J);
-        sym3_turn(k, false, state->c, state->s, A.M);
-        mat3_turn(k, plain, state->c, state->s, A.H);
-    }
-    if (link->turned) {
-        spatial_inertia_rotate(link->fixed, &A);
-    }
-    if (link->offset) {
-        spatial_inertia_shift(state->r, &A);
-    }
-    spatial_inertia_add(&A, &parent->A);
-}
-
-/* Computes the joint's acceleration from the parent's acceleration, and the body's acceleration
- * from both. */
-INLINE void outward_acceleration(enum joint_type type, int k, const struct link *link,
-                                 const struct link_state *parent, struct link_state *state,
-                                 double *qdd)
-{
-    motion_down(k, link, state, &parent->a, &state->a);
-    for (int m = 0; m < 3; m++) {
-        state->a.a[m] += state->bias.a[m];
-        state->a.l[m] += state->bias.l[m];
-    }
-    *qdd = (state->u - vec3_dot(state->U.a, state->a.a) - vec3_dot(state->U.l, state->a.l)) *
-           state->inverse_d;
-    if (type == JOINT_REVOLUTE) {
-        state->a.a[k] += *qdd;
-    } else {
-        state->a.l[k] += *qdd;
-    }
-}
-
-/* Adds the force that the joint transmits to the parent's, for torques alone and with the inertias
- * of inward_articulated. */
-INLINE void inward_response(enum joint_type type, int k, const struct link *link, double tau,
-                            struct link_state *state, struct link_state *parent)
-{
-    struct spatial p = state->p;
-
-    state->u = tau - (type == JOINT_REVOLUTE ? p.a[k] : p.l[k]);
-    for (int m = 0; m < 3; m++) {
-        p.a[m] += state->U.a[m] * (state->u * state->inverse_d);
-        p.l[m] += state->U.l[m] * (state->u * state->inverse_d);
-    }
-    force_up(k, link, state, &p, &parent->p);
-}
-
-/* Computes the accelerations that these forces cause. */
-INLINE void outward_response(enum joint_type type, int k, const struct link *link,
-                             const struct link_state *parent, struct link_state *state, double *qdd)
-{
-    motion_down(k, link, state, &parent->a, &state->a);
-    *qdd = (state->u - vec3_dot(state->U.a, state->a.a) - vec3_dot(state->U.l, state->a.l)) *
-           state->inverse_d;
-    *(type == JOINT_REVOLUTE ? &state->a.a[k] : &state->a.l[k]) += *qdd;
-}
-
-/* Computes the body's acceleration from a given joint acceleration. */
-INLINE void outward_given(enum joint_type type, int k, const struct link *link,
-                          const struct link_state *parent, double qdd, struct link_state *state)
-{
-    motion_down(k, link, state, &parent->a, &state->a);
-    for (int m = 0; m < 3; m++) {
-        state->a.a[m] += state->bias.a[m];
-        state->a.l[m] += state->bias.l[m];
-    }
-    if (type == JOINT_REVOLUTE) {
-        state->a.a[k] += qdd;
-    } else {
-        state->a.l[k] += qdd;
-    }
-}
-
-/* Returns the component of the joint's force along its axis. Adds the force to the parent's
- * force. */
-INLINE void inward_force(enum joint_type type, int k, const struct link *link,
-                         const struct link_state *state, struct link_state *parent, double *tau)
-{
-    *tau = type == JOINT_REVOLUTE ? state->p.a[k] : state->p.l[k];
-    force_up(k, link, state, &state->p, &parent->p);
-}
-
-/* Computes the body's pose in the world from its parent's pose. */
-INLINE void outward_place(enum joint_type type, int k, const struct link *link,
-                          const struct link_state *parent, struct link_state *state)
-{
-    double r[3];
-
-    (void)type;
-    mat3_apply(parent->R, state->r, r);
+    /* Shift A to the parents' origins: H' = H + [r] M, J' = J - H [r] + [r] H'^T, with the
+     * cross-product matrix [r] */
     for (int row = 0; row < 3; row++) {
-        state->position[row] = parent->position[row] + r[row];
-        turn_down(k, link, state, parent->R + 3 * row, state->R + 3 * row);
+        const int i = (row + 1) % 3, j = (row + 2) % 3;
+
+        for (int column = 0; column < 3; column++) {
+            H[3 * row + column] = A.H[3 * row + column] + (r[i] * A.M[sym3_index[j][column]] -
+                                                           r[j] * A.M[sym3_index[i][column]]);
+        }
     }
+    for (int row = 0; row < 3; row++) {
+        const int i = (row + 1) % 3, j = (row + 2) % 3;
+
+        for (int column = row; column < 3; column++) {
+            const int m = (column + 1) % 3, n = (column + 2) % 3;
+
+            A.J[sym3_index[row][column]] += (r[m] * A.H[3 * row + n] - r[n] * A.H[3 * row + m]) +
+                                            (r[i] * H[3 * column + j] - r[j] * H[3 * column + i]);
+        }
+    }
+    memcpy(A.H, H, sizeof A.H);
+    add_to_parents(g, group, offsetof(struct group, A), A.J, 21);
 }
 
-/* Computes the body's acceleration at vdot = 0 */
-INLINE void outward_drift(enum joint_type type, int k, const struct link *link,
-                          const struct link_state *parent, struct link_state *state)
+/* Computes the joints' accelerations from the parents' accelerations, and the bodies' accelerations
+ * from both. */
+INLINE lanes outward_acceleration(const struct generic *g, struct group *group)
 {
-    (void)type;
-    motion_down(k, link, state, &parent->drift, &state->drift);
-    for (int m = 0; m < 3; m++) {
-        state->drift.a[m] += state->bias.a[m];
-        state->drift.l[m] += state->bias.l[m];
-    }
-}
+    struct spatial_lanes *a = &group->a;
+    lanes qdd;
 
-/* Converts a body and the joint that moves it to a link. parent belongs to the parent body. joint
- * and parent are NULL for the base. */
-void generic_prepare_link(const struct robot_body *body, const struct robot_joint *joint,
-                          const struct link *parent, struct link *link);
+    motion_out(g, group, offsetof(struct group, a), a);
+    add_bias(group, a);
+    qdd = (group->u - lanes_dot(group->U.a, a->a) - lanes_dot(group->U.l, a->l)) * group->inverse_d;
+    add_joint_motion(group, qdd, a);
+    return qdd;
+}
 
 #endif

@@ -182,7 +182,10 @@ void implicit_add_contact_inertia(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
 
-    memset(im->added, 0, im->nobserved * sizeof *im->added);
+    if (im->has_added) {
+        memset(im->added, 0, im->nobserved * sizeof *im->added);
+    }
+    im->has_added = im->ntouched > 0;
     for (size_t t = 0; t < im->ntouched; t++) {
         int c = im->touched[t];
 

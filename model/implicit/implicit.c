@@ -61,6 +61,7 @@
  */
 #include "model/implicit/implicit.h"
 
+#include "model/coupling.h"
 #include "model/implicit/private.h"
 
 #include <float.h>
@@ -441,7 +442,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->joint_impulse, robot->njoint);
     TAKE(im->lower, robot->njoint);
     TAKE(im->upper, robot->njoint);
-    TAKE(im->unit, robot->njoint);
+    TAKE(im->unit, robot->ncoupling * robot->njoint);
     TAKE(im->compliance, robot->ncoupling);
     TAKE(im->pull, robot->ncoupling);
     TAKE(im->column, robot->ncoupling * robot->nv);
@@ -484,6 +485,9 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     }
 
     /* Couplings need dynamics that respond to them */
+    for (size_t i = 0; ok && i < robot->ncoupling; i++) {
+        coupling_press(&robot->coupling[i], -1.0, im->unit + i * robot->njoint);
+    }
     im->tree = plant->config.dynamics;
     if (ok && robot->ncoupling > 0 && !im->tree->ops->respond) {
         struct dynamics *numeric = arena_alloc(arena, 1, sizeof *numeric);

@@ -184,7 +184,7 @@ struct implicit {
     double *compliance, *pull;
     /* column: nv numbers per coupling; factor: n x n; see model/coupling.h */
     double *column, *factor;
-    double *unit; /* torques of one coupling, by joint */
+    double *unit; /* torques of a unit load of each coupling, by joint */
     /* the dynamics of P: the plant's, or numeric ones if those cannot respond to couplings */
     const struct dynamics *tree;
     double *force; /* N m or N */
@@ -205,6 +205,7 @@ struct implicit {
     size_t nobserved;
     size_t *number;              /* by contact body: its index among the observed bodies */
     struct added_inertia *added; /* by observed body */
+    bool has_added;              /* some entry of added may differ from zero */
 
     /* Free bodies, in their frames, about their centers of mass, at the linearization point */
     struct spatial_inertia *free_inertia; /* including A_b */

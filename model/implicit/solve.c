@@ -150,15 +150,8 @@ static void solve_uncoupled(struct plant *plant, const struct spatial *w, bool i
             if (is_new) {
                 const struct robot *robot = plant->config.robot;
 
-                /* Compute the change of the accelerations by a unit load on the joints. unit is 0
-                 * between the couplings */
-                for (size_t i = 0; i < robot->ncoupling; i++) {
-                    const struct robot_coupling *coupling = &robot->coupling[i];
-
-                    coupling_press(coupling, -1.0, im->unit);
-                    dynamics->ops->respond(dynamics, im->unit, im->column + i * robot->nv);
-                    im->unit[coupling->follower] = im->unit[coupling->leader] = 0.0;
-                }
+                /* Compute the changes of the accelerations by unit loads of the couplings */
+                dynamics->ops->respond(dynamics, robot->ncoupling, im->unit, im->column);
 
                 /* Without a positive pivot the factor is NAN, and the resulting state is NAN too */
                 coupling_factorize(robot, im->column, im->compliance, im->factor);

@@ -93,7 +93,7 @@ static double response_error(const struct dynamics *d, struct random_state *x, c
     tau[last] = 1.5;
     tau[last / 2] -= 0.7;
     d->ops->implicit(d, x->q, x->v, x->tau, x->ext, extra, added, more);
-    d->ops->respond(d, tau, change);
+    d->ops->respond(d, 1, tau, change);
     for (size_t j = 0; j < robot->njoint; j++) {
         x->tau[j] += tau[j];
     }

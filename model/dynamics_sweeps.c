@@ -1,0 +1,650 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The numeric rigid-body algorithms for any tree, paper eq. (1): articulated-body forward dynamics,
+ * Newton-Euler inverse dynamics, kinematics and energy (Featherstone, Rigid Body Dynamics
+ * Algorithms, 2008, tables 5.1, 7.1 and section 9.4). Each is a sweep over groups of bodies.
+ * dynamics_kernels.h has the steps at one group, dynamics_prepare.c makes the groups. This file is
+ * compiled once per instruction set; SWEEPS_OPS names its functions.
+ *
+ * An upward acceleration of the base represents gravity.
+ */
+#include "model/dynamics_kernels.h"
+
+#ifndef SWEEPS_OPS
+#define SWEEPS_OPS generic_ops
+#endif
+
+/* Loads numbers of joints into the lanes of their bodies; 0 in other lanes. */
+INLINE lanes load_joints(const struct group *group, const double *x)
+{
+    const int *joint = group->joint;
+
+    return (lanes){x[joint[0]], x[joint[1]], x[joint[2]], x[joint[3]]} * (1.0 - group->idle);
+}
+
+/* Stores the lanes of the bodies as numbers of their joints. */
+INLINE void store_joints(const struct group *group, lanes x, double *stored)
+{
+    for (int i = 0; i < GROUP; i++) {
+        if (group->body[i] >= 0) {
+            stored[group->joint[i]] = x[i];
+        }
+    }
+}
+
+/* Stores a lane of x, less `up`, as the first numbers of a rate or an acceleration. */
+static void store_base(const struct generic *g, const struct spatial_lanes *x, int lane,
+                       const double up[3], double *v)
+{
+    const lanes *R = g->group[0].R;
+
+    for (int m = 0; m < 3; m++) {
+        v[BASE_V_LINEAR + m] = v[BASE_V_ANGULAR + m] = 0.0;
+        for (int n = 0; n < 3; n++) {
+            v[BASE_V_LINEAR + m] += R[3 * n + m][0] * (x->l[n][lane] - up[n]);
+            v[BASE_V_ANGULAR + m] += R[3 * n + m][0] * x->a[n][lane];
+        }
+    }
+}
+
+/* Reads the articulated inertia of the base. */
+static void read_base_inertia(const struct generic *g, struct spatial_inertia *A)
+{
+    const struct inertia_lanes *from = &g->group[0].A;
+
+    for (int k = 0; k < 9; k++) {
+        A->H[k] = from->H[k][0];
+    }
+    for (int k = 0; k < 6; k++) {
+        A->J[k] = from->J[k][0];
+        A->M[k] = from->M[k][0];
+    }
+}
+
+/* Sets the motion of the base from the first numbers of a rate or an acceleration. */
+static void set_base(const struct dynamics *d, const double *v, const double up[3],
+                     struct spatial_lanes *x)
+{
+    const struct generic *g = d->work;
+    const lanes *R = g->group[0].R;
+
+    memset(x, 0, sizeof *x);
+    for (int m = 0; m < 3; m++) {
+        for (int n = 0; d->robot->floating && n < 3; n++) {
+            x->l[m][0] += R[3 * m + n][0] * v[BASE_V_LINEAR + n];
+            x->a[m][0] += R[3 * m + n][0] * v[BASE_V_ANGULAR + n];
+        }
+        x->l[m][0] += up[m];
+    }
+}
+
+/* Reads a spatial quantity of one body. */
+static struct spatial read_lane(const struct spatial_lanes *x, int lane)
+{
+    struct spatial y;
+
+    for (int m = 0; m < 3; m++) {
+        y.a[m] = x->a[m][lane];
+        y.l[m] = x->l[m][lane];
+    }
+    return y;
+}
+
+/* Computes sines and cosines of angles, which must not exceed 1e5: portable_sincos in lanes. */
+INLINE void lanes_sincos(lanes x, lanes *sine, lanes *cosine)
+{
+    const lanes shifted = x * 0.6366197723675814 + 0x1.8p52, n = shifted - 0x1.8p52;
+    const lanes y = x - n * 1.5707963267341256, r = y - n * 6.077100506303966e-11;
+    const lanes e = ((y - r) - n * 6.077100506303966e-11) - n * 2.0222662487959506e-21;
+    const lanes z = r * r, half = 0.5 * z, w = 1.0 - half;
+    const lanes_bits k = (lanes_bits)shifted, odd = -(k & 1);
+    lanes s = z * 2.8114572543455206e-15 - 7.647163731819816e-13;
+    lanes c = z * 4.779477332387385e-14 - 1.1470745597729725e-11;
+
+    s = z * s + 1.6059043836821613e-10;
+    c = z * c + 2.08767569878681e-09;
+    s = z * s - 2.505210838544172e-08;
+    c = z * c - 2.755731922398589e-07;
+    s = z * s + 2.7557319223985893e-06;
+    c = z * c + 2.4801587301587302e-05;
+    s = z * s - 0.00019841269841269841;
+    c = z * c - 0.0013888888888888889;
+    s = z * s + 0.0083333333333333332;
+    c = z * c + 0.041666666666666664;
+    s = z * s - 0.16666666666666666;
+    s = r + (z * (r * s - 0.5 * e) + e);
+    c = w + (((1.0 - w) - half) + (z * (z * c) - r * e));
+    *sine = (lanes)((((lanes_bits)s & ~odd) | ((lanes_bits)c & odd)) ^ (k & 2) << 62);
+    *cosine = (lanes)((((lanes_bits)c & ~odd) | ((lanes_bits)s & odd)) ^ ((k + 1) & 2) << 62);
+}
+
+/* Computes the sines and cosines of all joints' positions, for the groups. */
+static void find_sines(const struct generic *g, const double *q)
+{
+    const size_t njoint = g->nbody - 1;
+
+    for (size_t j = 0; j < njoint; j += GROUP) {
+        const size_t count = njoint - j < GROUP ? njoint - j : GROUP;
+        lanes x = {0.0};
+
+        memcpy(&x, q + j, count * sizeof *q);
+        lanes_sincos(x, &g->sine[j / GROUP], &g->cosine[j / GROUP]);
+        for (size_t i = 0; i < count; i++) {
+            if (!(fabs(x[i]) <= 1e5)) {
+                double sine, cosine;
+
+                portable_sincos(x[i], &sine, &cosine);
+                g->sine[j / GROUP][i] = sine;
+                g->cosine[j / GROUP][i] = cosine;
+            }
+        }
+    }
+}
+
+/* Computes the poses of a group from those of the parents and the joints' positions. */
+INLINE void place_group(const struct generic *g, struct group *group, const double *q)
+{
+    const lanes slides = 1.0 - group->turns;
+    const lanes c = load_joints(group, (const double *)g->cosine) * group->turns + slides;
+    const lanes s = load_joints(group, (const double *)g->sine) * group->turns;
+    const lanes slide = load_joints(group, q) * slides;
+    lanes gathered[12], turn[9], origin[3];
+    const lanes *parent = from_parents(g, group, offsetof(struct group, R), 12, gathered);
+
+    for (int row = 0; row < 9; row += 3) {
+        const lanes *fixed = group->fixed + row;
+
+        turn[row] = c * fixed[0] + s * fixed[1];
+        turn[row + 1] = c * fixed[1] - s * fixed[0];
+        turn[row + 2] = fixed[2];
+        origin[row / 3] = group->origin[row / 3] + fixed[2] * slide;
+    }
+    lanes_mul(parent, turn, group->R);
+    lanes_apply(parent, origin, group->r);
+    for (int m = 0; m < 3; m++) {
+        group->position[m] = parent[9 + m] + group->r[m];
+    }
+}
+
+/* Computes the poses, velocities and bias accelerations of all bodies, outward. */
+static void sweep_velocity(const struct dynamics *d, const double *q, const double *v)
+{
+    static const double none[3];
+    struct generic *g = d->work;
+    struct group *base = &g->group[0];
+
+    /* A stage of an integrator needs motions, accelerations and velocities at one q, so results for
+     * an equal q are reused */
+    if (!g->place_known || memcmp(g->q, q, d->robot->nq * sizeof *q) != 0) {
+        memcpy(g->q, q, d->robot->nq * sizeof *q);
+        g->place_known = true;
+        g->moving_known = false;
+        if (d->robot->floating) {
+            double R[9];
+
+            mat3_from_quaternion(q + BASE_Q_QUATERNION, R);
+            for (int k = 0; k < 9; k++) {
+                base->R[k][0] = R[k];
+            }
+            for (int m = 0; m < 3; m++) {
+                base->position[m][0] = q[BASE_Q_POSITION + m];
+            }
+        }
+        q += d->robot->nq - d->robot->njoint;
+        find_sines(g, q);
+        for (size_t i = 1; i < g->ngroup; i++) {
+            place_group(g, &g->group[i], q);
+        }
+    }
+    if (g->moving_known && memcmp(g->v, v, d->robot->nv * sizeof *v) == 0) {
+        return;
+    }
+    memcpy(g->v, v, d->robot->nv * sizeof *v);
+    g->moving_known = true;
+    set_base(d, v, none, &base->v);
+    for (size_t i = 1; i < g->ngroup; i++) {
+        outward_velocity(g, &g->group[i], load_joints(&g->group[i], v + g->first));
+    }
+}
+
+/* Computes the accelerations of all bodies from vdot. Adds `up` to the base's acceleration. */
+static void sweep_acceleration(const struct dynamics *d, const double *vdot, const double up[3])
+{
+    const struct generic *g = d->work;
+
+    set_base(d, vdot, up, &g->group[0].a);
+    for (size_t i = 1; i < g->ngroup; i++) {
+        struct group *group = &g->group[i];
+
+        motion_out(g, group, offsetof(struct group, a), &group->a);
+        add_bias(group, &group->a);
+        add_joint_motion(group, load_joints(group, vdot + g->first), &group->a);
+    }
+}
+
+/* Computes the upward acceleration of the base that represents gravity. */
+static void gravity_up(const struct dynamics *d, double up[3])
+{
+    for (int m = 0; m < 3; m++) {
+        up[m] = -d->robot->gravity[m];
+    }
+}
+
+/* Computes the rotation of a body's own frame to world. */
+static void body_rotation(const struct group *group, int lane, double R[9])
+{
+    double inner[9], align[9], back[9];
+
+    for (int k = 0; k < 9; k++) {
+        inner[k] = group->R[k][lane];
+        align[k] = group->align[k][lane];
+    }
+    mat3_transpose(align, back);
+    mat3_mul(inner, back, R);
+}
+
+/* Adds the given inertia to the observed bodies. The added inertia resists the accelerations due to
+ * vdot, but not the accelerations at vdot = 0. */
+static void add_observed_inertia(const struct dynamics *d, const double up[3],
+                                 const struct added_inertia *added)
+{
+    static const double none[21];
+    const struct generic *g = d->work;
+    bool drifts = false;
+
+    for (size_t b = 0; b < g->nbody; b++) {
+        struct group *group = &g->group[g->home[b]];
+        const int lane = g->lane[b];
+        struct spatial_inertia A;
+        struct spatial drift, f;
+        double R[9];
+
+        /* Usual case: no inertia. Its diagonal is then zero, and only then */
+        const double *S = d->robot->body[b].observed ? (added++)->A : none;
+
+        if (S[0] + S[6] + S[11] + S[15] + S[18] + S[20] == 0.0) {
+            continue;
+        }
+        if (!drifts) {
+            /* Compute the accelerations at vdot = 0 */
+            memset(&g->group[0].drift, 0, sizeof g->group[0].drift);
+            for (int m = 0; m < 3; m++) {
+                g->group[0].drift.l[m][0] = up[m];
+            }
+            for (size_t i = 1; i < g->ngroup; i++) {
+                struct group *at = &g->group[i];
+                motion_out(g, at, offsetof(struct group, drift), &at->drift);
+                add_bias(at, &at->drift);
+            }
+            drifts = true;
+        }
+
+        /* Unpack the added inertia and rotate it to world axes */
+        spatial_inertia_unpack(S, &A);
+        body_rotation(group, lane, R);
+        spatial_inertia_rotate(R, &A);
+        for (int k = 0; k < 9; k++) {
+            group->A.H[k][lane] += A.H[k];
+        }
+        for (int k = 0; k < 6; k++) {
+            group->A.J[k][lane] += A.J[k];
+            group->A.M[k][lane] += A.M[k];
+        }
+        drift = read_lane(&group->drift, lane);
+        spatial_inertia_apply(&A, &drift, &f);
+        for (int m = 0; m < 3; m++) {
+            group->p.a[m][lane] -= f.a[m];
+            group->p.l[m][lane] -= f.l[m];
+        }
+    }
+}
+
+/* Subtracts the external wrenches on the bodies from p. */
+static void subtract_wrenches(const struct generic *g, const struct wrench *ext)
+{
+    static const struct wrench none;
+
+    for (size_t b = 0; ext && b < g->nbody; b++) {
+        struct group *group = &g->group[g->home[b]];
+        double R[9], f[3], n[3];
+
+        /* Usual case: no wrench */
+        if (memcmp(&ext[b], &none, sizeof none) == 0) {
+            continue;
+        }
+        body_rotation(group, g->lane[b], R);
+        mat3_apply(R, ext[b].moment, n);
+        mat3_apply(R, ext[b].force, f);
+        for (int m = 0; m < 3; m++) {
+            group->p.a[m][g->lane[b]] -= n[m];
+            group->p.l[m][g->lane[b]] -= f[m];
+        }
+    }
+}
+
+/* Computes the forward dynamics by the articulated-body algorithm, with added inertia (struct
+ * dynamics_ops). extra and added may be NULL. */
+static void sweeps_implicit(const struct dynamics *d, const double *q, const double *v,
+                            const double *tau, const struct wrench *ext, const double *extra,
+                            const struct added_inertia *added, double *vdot)
+{
+    const struct generic *g = d->work;
+    struct group *base = &g->group[0];
+    struct spatial_inertia A;
+    struct spatial a;
+    double up[3];
+
+    /* Outward: velocities, then each body's own inertia and bias force */
+    sweep_velocity(d, q, v);
+    for (size_t i = 0; i < g->ngroup; i++) {
+        place_inertia(&g->group[i]);
+        rigid_bias(&g->group[i]);
+    }
+    subtract_wrenches(g, ext);
+    gravity_up(d, up);
+    if (added) {
+        add_observed_inertia(d, up, added);
+    }
+
+    /* Inward: articulated inertias and bias forces */
+    for (size_t i = g->ngroup - 1; i > 0; i--) {
+        struct group *group = &g->group[i];
+
+        inward_articulated(g, group, load_joints(group, tau),
+                           extra ? load_joints(group, extra) + group->idle : group->idle);
+    }
+
+    /* Outward: accelerations. Gravity is an acceleration of the base that is removed at the end */
+    memset(&base->a, 0, sizeof base->a);
+    if (d->robot->floating) {
+        struct spatial p = read_lane(&base->p, 0);
+
+        read_base_inertia(g, &A);
+        spatial_inertia_solve(&A, &p, &a);
+        for (int m = 0; m < 3; m++) {
+            base->a.a[m][0] = -a.a[m];
+            base->a.l[m][0] = -a.l[m];
+        }
+        store_base(g, &base->a, 0, up, vdot);
+    } else {
+        for (int m = 0; m < 3; m++) {
+            base->a.l[m][0] = up[m];
+        }
+    }
+    for (size_t i = 1; i < g->ngroup; i++) {
+        store_joints(&g->group[i], outward_acceleration(g, &g->group[i]), vdot + g->first);
+    }
+}
+
+static void sweeps_forward(const struct dynamics *d, const double *q, const double *v,
+                           const double *tau, const struct wrench *ext, double *vdot)
+{
+    sweeps_implicit(d, q, v, tau, ext, NULL, NULL, vdot);
+}
+
+/* ---- responses ---- */
+
+/* Computes up to GROUP responses side by side, one per lane (struct dynamics_ops). Only the ways
+ * from the torques to the base are walked inward, and outward only what they move. */
+static void respond_side_by_side(const struct dynamics *d, int count, const double *tau,
+                                 double *vdot)
+{
+    const struct generic *g = d->work;
+    const size_t njoint = d->robot->njoint, nv = d->robot->nv;
+    static const double none[3];
+    const lanes zero = {0.0};
+
+    for (size_t b = 0; b < g->nbody; b++) {
+        g->response[b].moved = false;
+    }
+    for (size_t b = g->nbody - 1; b > 0; b--) {
+        const struct group *group = &g->group[g->home[b]];
+        const int lane = g->lane[b];
+        struct response *own = &g->response[b], *up = &g->response[d->robot->body[b].parent];
+        const bool turns = group->turns[lane] != 0.0;
+        struct spatial_lanes p;
+        lanes torque = zero;
+        bool acts = own->moved;
+
+        for (int i = 0; i < count; i++) {
+            torque[i] = tau[(size_t)i * njoint + b - 1];
+            acts = acts || torque[i] != 0.0;
+        }
+        if (!acts) {
+            continue;
+        }
+        if (!own->moved) {
+            memset(&own->p, 0, sizeof own->p);
+            own->moved = true;
+        }
+        if (!up->moved) {
+            memset(&up->p, 0, sizeof up->p);
+            up->moved = true;
+        }
+        own->u = torque;
+        for (int m = 0; m < 3; m++) {
+            own->u -= group->R[3 * m + 2][lane] * (turns ? own->p.a[m] : own->p.l[m]);
+        }
+        for (int m = 0; m < 3; m++) {
+            p.a[m] = own->p.a[m] + own->u * (group->U.a[m][lane] * group->inverse_d[lane]);
+            p.l[m] = own->p.l[m] + own->u * (group->U.l[m][lane] * group->inverse_d[lane]);
+        }
+        for (int m = 0; m < 3; m++) {
+            const int i = (m + 1) % 3, j = (m + 2) % 3;
+
+            up->p.a[m] += p.a[m] + (group->r[i][lane] * p.l[j] - group->r[j][lane] * p.l[i]);
+            up->p.l[m] += p.l[m];
+        }
+    }
+
+    /* Outward: the base, then all that moves */
+    struct response *base = &g->response[0];
+
+    memset(&base->a, 0, sizeof base->a);
+    memset(vdot, 0, (size_t)count * nv * sizeof *vdot);
+    base->moved = base->moved && d->robot->floating;
+    if (base->moved) {
+        struct spatial_inertia A;
+
+        read_base_inertia(g, &A);
+        for (int i = 0; i < count; i++) {
+            const struct spatial p = read_lane(&base->p, i);
+            struct spatial a;
+
+            spatial_inertia_solve(&A, &p, &a);
+            for (int m = 0; m < 3; m++) {
+                base->a.a[m][i] = -a.a[m];
+                base->a.l[m][i] = -a.l[m];
+            }
+            store_base(g, &base->a, i, none, vdot + (size_t)i * nv);
+        }
+    }
+    for (size_t b = 1; b < g->nbody; b++) {
+        const struct group *group = &g->group[g->home[b]];
+        const int lane = g->lane[b];
+        struct response *own = &g->response[b];
+        const struct response *up = &g->response[d->robot->body[b].parent];
+        lanes qdd = own->moved ? own->u : zero;
+
+        own->moved = own->moved || up->moved;
+        if (!own->moved) {
+            continue;
+        }
+        memset(&own->a, 0, sizeof own->a);
+        for (int m = 0; up->moved && m < 3; m++) {
+            const int i = (m + 1) % 3, j = (m + 2) % 3;
+
+            own->a.a[m] = up->a.a[m];
+            own->a.l[m] =
+                up->a.l[m] + (up->a.a[i] * group->r[j][lane] - up->a.a[j] * group->r[i][lane]);
+        }
+        for (int m = 0; m < 3; m++) {
+            qdd -= group->U.a[m][lane] * own->a.a[m] + group->U.l[m][lane] * own->a.l[m];
+        }
+        qdd *= group->inverse_d[lane];
+        for (int m = 0; m < 3; m++) {
+            *(group->turns[lane] != 0.0 ? &own->a.a[m] : &own->a.l[m]) +=
+                group->R[3 * m + 2][lane] * qdd;
+        }
+        for (int i = 0; i < count; i++) {
+            vdot[(size_t)i * nv + g->first + b - 1] = qdd[i];
+        }
+    }
+}
+
+static void sweeps_respond(const struct dynamics *d, size_t count, const double *tau, double *vdot)
+{
+    for (size_t i = 0; i < count; i += GROUP) {
+        respond_side_by_side(d, count - i < GROUP ? (int)(count - i) : GROUP,
+                             tau + i * d->robot->njoint, vdot + i * d->robot->nv);
+    }
+}
+
+/* ---- other algorithms ---- */
+
+/* Computes the inverse dynamics by the recursive Newton-Euler algorithm (struct dynamics_ops). */
+static void sweeps_inverse(const struct dynamics *d, const double *q, const double *v,
+                           const double *vdot, const struct wrench *ext, double *f)
+{
+    static const double none[3];
+    const struct generic *g = d->work;
+    double up[3];
+
+    /* Outward: compute velocities and accelerations, then the force that each body's motion
+     * needs */
+    gravity_up(d, up);
+    sweep_velocity(d, q, v);
+    sweep_acceleration(d, vdot, up);
+    for (size_t i = 0; i < g->ngroup; i++) {
+        struct group *group = &g->group[i];
+        struct spatial_lanes inertial;
+
+        place_inertia(group);
+        rigid_bias(group);
+        rigid_apply(group, &group->a, &inertial);
+        for (int m = 0; m < 3; m++) {
+            group->p.a[m] += inertial.a[m];
+            group->p.l[m] += inertial.l[m];
+        }
+    }
+    subtract_wrenches(g, ext);
+
+    /* Inward: each joint's component of the force */
+    for (size_t i = g->ngroup - 1; i > 0; i--) {
+        store_joints(&g->group[i], along_axis(&g->group[i], &g->group[i].p), f + g->first);
+        force_in(g, &g->group[i], &g->group[i].p);
+    }
+    if (d->robot->floating) {
+        store_base(g, &g->group[0].p, 0, none, f);
+    }
+}
+
+/* Computes velocities of the frames of all bodies (struct dynamics_ops). */
+static void sweeps_velocities(const struct dynamics *d, const double *q, const double *v,
+                              struct body_motion *motion)
+{
+    const struct generic *g = d->work;
+
+    sweep_velocity(d, q, v);
+    for (size_t n = 0; n < g->ngroup; n++) {
+        const struct group *group = &g->group[n];
+
+        for (int i = 0; i < GROUP; i++) {
+            for (int m = 0; group->body[i] >= 0 && m < 3; m++) {
+                motion[group->body[i]].w[m] = group->v.a[m][i];
+                motion[group->body[i]].v[m] = group->v.l[m][i];
+            }
+        }
+    }
+}
+
+/* Computes poses and velocities of the frames of all bodies (struct dynamics_ops). */
+static void sweeps_kinematics(const struct dynamics *d, const double *q, const double *v,
+                              struct body_motion *motion)
+{
+    const struct generic *g = d->work;
+
+    sweeps_velocities(d, q, v, motion);
+    for (size_t n = 0; n < g->ngroup; n++) {
+        const struct group *group = &g->group[n];
+
+        for (int k = 0; k < 9; k++) {
+            const lanes element = lanes_row_product(group->R, group->align, k / 3, k % 3);
+
+            for (int i = 0; i < GROUP; i++) {
+                if (group->body[i] >= 0) {
+                    motion[group->body[i]].R[k] = element[i];
+                }
+            }
+        }
+        for (int i = 0; i < GROUP; i++) {
+            for (int m = 0; group->body[i] >= 0 && m < 3; m++) {
+                motion[group->body[i]].p[m] = group->position[m][i];
+            }
+        }
+    }
+}
+
+/* Computes the classical accelerations of all bodies in the world frame (struct dynamics_ops). */
+static void sweeps_acceleration(const struct dynamics *d, const double *q, const double *v,
+                                const double *vdot, struct body_acceleration *acceleration)
+{
+    static const double no_gravity[3] = {0.0, 0.0, 0.0};
+    const struct generic *g = d->work;
+
+    sweep_velocity(d, q, v);
+    sweep_acceleration(d, vdot, no_gravity);
+    for (size_t n = 0; n < g->ngroup; n++) {
+        const struct group *group = &g->group[n];
+        lanes a[3] = {group->a.l[0], group->a.l[1], group->a.l[2]};
+
+        /* The derivative of the components, plus the effect of the rotating frame */
+        lanes_add_cross(group->v.a, group->v.l, a);
+        for (int i = 0; i < GROUP; i++) {
+            for (int m = 0; group->body[i] >= 0 && m < 3; m++) {
+                acceleration[group->body[i]].alpha[m] = group->a.a[m][i];
+                acceleration[group->body[i]].a[m] = a[m][i];
+            }
+        }
+    }
+}
+
+/* Computes kinetic and potential energy (struct dynamics_ops). */
+static void sweeps_energy(const struct dynamics *d, const double *q, const double *v,
+                          double *kinetic, double *potential)
+{
+    const struct generic *g = d->work;
+    double twice = 0.0, height = 0.0;
+
+    sweep_velocity(d, q, v);
+    for (size_t n = 0; n < g->ngroup; n++) {
+        struct group *group = &g->group[n];
+        struct spatial_lanes momentum;
+
+        place_inertia(group);
+        rigid_apply(group, &group->v, &momentum);
+        for (int m = 0; m < 3; m++) {
+            const lanes share = momentum.a[m] * group->v.a[m] + momentum.l[m] * group->v.l[m];
+            const lanes fall = group->moment[m] + group->mass * group->position[m];
+
+            for (int i = 0; i < GROUP; i++) {
+                twice += share[i];
+                height -= d->robot->gravity[m] * fall[i];
+            }
+        }
+    }
+    *kinetic = 0.5 * twice;
+    *potential = height;
+}
+
+const struct dynamics_ops SWEEPS_OPS = {
+    .name = "generic",
+    .forward = sweeps_forward,
+    .implicit = sweeps_implicit,
+    .respond = sweeps_respond,
+    .inverse = sweeps_inverse,
+    .kinematics = sweeps_kinematics,
+    .velocities = sweeps_velocities,
+    .acceleration = sweeps_acceleration,
+    .energy = sweeps_energy,
+};
