@@ -81,6 +81,7 @@ struct throughput {
     const char *task, *peers, *file;
     const char *const *rig;
     int64_t rounds;
+    bool alone;     /* without cases */
     double seconds; /* simulated time of a case, or of a rig for the benchmark ticks */
     struct peers_library library;
     const struct peer_dynamics *mujoco; /* NULL = not found */
@@ -267,9 +268,11 @@ static void forget_results(const char *folder)
     }
 }
 
-/* Measures one round of a rig in a folder that contains only the files of its earlier rounds. */
-static enum error_code measure_round(struct throughput *t, struct measured_rig *rig, size_t round,
-                                     const char *program, const char *folder, struct error *error)
+/* Measures one start and one whole case of a rig, in a folder that contains only the files of its
+ * earlier rounds. */
+static enum error_code measure_cases(const struct throughput *t, const struct measured_rig *rig,
+                                     const char *program, const char *folder, double value[FIGURES],
+                                     struct error *error)
 {
     /* The first cases take one tick; the next one is the first whole case */
     static const char *const plan[4] = {"--plan", "sweep.yaml", "--output", "cases"};
@@ -277,8 +280,8 @@ static enum error_code measure_round(struct throughput *t, struct measured_rig *
     static const char *const many[4] = {"--case=1-10", "cases", "--jobs=1"};
     static const char *const full[4] = {"--case=11", "cases"};
     struct cost planning, start, range, whole;
-    double value[FIGURES], ticks_s;
     enum error_code code;
+    double ticks_s;
 
     forget_results(folder);
     if ((code = write_sweep(t, rig, folder, error)) ||
@@ -304,6 +307,23 @@ static enum error_code measure_round(struct throughput *t, struct measured_rig *
     value[FIGURE_WHOLE_MS] = 1e3 * whole.cpu_s;
     value[FIGURE_START_MB] = start.resident_mb;
     value[FIGURE_WHOLE_MB] = whole.resident_mb;
+    return ERROR_NONE;
+}
+
+/* Measures one round of a rig. */
+static enum error_code measure_round(const struct throughput *t, struct measured_rig *rig,
+                                     size_t round, const char *program, const char *folder,
+                                     struct error *error)
+{
+    double value[FIGURES];
+    enum error_code code = ERROR_NONE;
+
+    for (size_t i = 0; i < FIGURES; i++) {
+        value[i] = NAN;
+    }
+    if (!t->alone && (code = measure_cases(t, rig, program, folder, value, error))) {
+        return code;
+    }
     for (int way = 0; way < ALONE_WAYS; way++) {
         double cpu_s;
 
@@ -474,19 +494,24 @@ static enum error_code measure_throughput(struct throughput *t, struct error *er
         }
         printf("cases of %g s; CPU time, median of %d rounds (least .. most)\n\n", t->seconds,
                (int)t->rounds);
-        printf("%-21s %-6s %5s %5s %26s\n", "simulated s/core-hour", "task", "buses", "axes",
-               "with boards and task");
-        print_table(t, FIGURE_RATE, FIGURE_RATE, false);
-        printf("\n%-21s %26s %26s %26s %9s\n", "bodies alone", "ours, implicit", "MuJoCo, implicit",
+        if (!t->alone) {
+            printf("%-21s %-6s %5s %5s %26s\n", "simulated s/core-hour", "task", "buses", "axes",
+                   "with boards and task");
+            print_table(t, FIGURE_RATE, FIGURE_RATE, false);
+            putchar('\n');
+        }
+        printf("%-21s %26s %26s %26s %9s\n", "bodies alone", "ours, implicit", "MuJoCo, implicit",
                "MuJoCo, Euler", "ratio");
         print_table(t, FIGURE_ALONE + ALONE_BODIES, FIGURE_ALONE + ALONE_BODIES_EULER, false);
         printf("\n%-21s %26s %26s %9s\n", "standing on its feet", "ours, implicit", "MuJoCo, Euler",
                "ratio");
         print_table(t, FIGURE_ALONE + ALONE_STANDING, FIGURE_ALONE + ALONE_STANDING_EULER, false);
-        printf("\n%-21s %9s %9s %9s %9s %9s\n", "a case", "an hour", "start ms", "in range",
-               "whole ms", "MB");
-        print_table(t, FIGURE_HOURLY, FIGURE_WHOLE_MB, true);
-        printf("an hour: whole cases in a range, on one processor\n");
+        if (!t->alone) {
+            printf("\n%-21s %9s %9s %9s %9s %9s\n", "a case", "an hour", "start ms", "in range",
+                   "whole ms", "MB");
+            print_table(t, FIGURE_HOURLY, FIGURE_WHOLE_MB, true);
+            printf("an hour: whole cases in a range, on one processor\n");
+        }
         printf(t->mujoco ? "bodies alone: at the rig's step, without contact, joint limits, "
                            "drives, boards or controller; standing: the same on the ground, with "
                            "springs in the joints; MuJoCo %s; ratio of ours to its default, Euler\n"
@@ -512,6 +537,8 @@ int bench_throughput(int argc, char **argv)
         {"--task", OPTION_STRING, "TASK",
          "of all rigs; by default that of the list below, else what the rig's file is for",
          .value = &t.task},
+        {"--alone", OPTION_FLAG, NULL, "only the robots beside MuJoCo, without cases",
+         .value = &t.alone},
         BENCH_PEERS_OPTION(&t.peers),
         {"--output", OPTION_STRING, "FILE", "write all figures into this file, as JSON",
          .value = &t.file, .letter = "-o"},

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * MuJoCo as a peer: the robot goes in as its own XML format, with contacts and constraints off but
- * where it stands, and mj_forward or mj_step is what is timed. A free joint of MuJoCo has its
- * linear velocity in world axes and its angular velocity in the body's.
+ * MuJoCo as a peer: the robot goes in as its own XML format, with contacts off but where it
+ * stands, and constraints off but where it stands or has couplings. mj_forward or mj_step is what
+ * is timed. A free joint of MuJoCo has its linear velocity in world axes and its angular velocity
+ * in the body's.
  */
 #include "tests/bench/peers.h"
 
@@ -19,6 +20,7 @@ struct described {
     const struct robot *robot;
     const struct contact_config *contact; /* NULL = bodies alone */
     const int *body;                      /* of the robot, by contact's */
+    bool coupled;                         /* with the robot's couplings */
 };
 
 struct engine {
@@ -233,17 +235,28 @@ static bool describe(const struct described *what, char **text, size_t *size)
     if (!out) {
         return false;
     }
-    fputs("<mujoco>\n<compiler angle=\"radian\"/>\n<option", out);
+    fputs("<mujoco>\n<compiler angle=\"radian\" balanceinertia=\"true\"/>\n<option", out);
     put_numbers(out, "gravity", what->robot->gravity, 3);
-    fputs(what->contact ? "/>\n<worldbody>\n"
-                        : "><flag constraint=\"disable\" contact=\"disable\"/></option>\n"
-                          "<worldbody>\n",
+    fputs(what->contact   ? "/>\n<worldbody>\n"
+          : what->coupled ? "><flag contact=\"disable\"/></option>\n<worldbody>\n"
+                          : "><flag constraint=\"disable\" contact=\"disable\"/></option>\n"
+                            "<worldbody>\n",
           out);
     if (what->robot->floating) {
         put_surfaces(out, what, -1);
     }
     put_body(out, what, 0);
-    fputs("</worldbody>\n</mujoco>\n", out);
+    fputs("</worldbody>\n<equality>\n", out);
+    for (size_t i = 0; what->coupled && i < what->robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &what->robot->coupling[i];
+        const double line[5] = {coupling->offset, coupling->multiplier};
+
+        fprintf(out, "<joint joint1=\"j%zu\" joint2=\"j%zu\"", (size_t)coupling->follower,
+                (size_t)coupling->leader);
+        put_numbers(out, "polycoef", line, 5);
+        fputs("/>\n", out);
+    }
+    fputs("</equality>\n</mujoco>\n", out);
     return fclose(out) == 0;
 }
 
@@ -311,10 +324,8 @@ static bool fill(struct engine *engine)
     return true;
 }
 
-static void *create_standing(const struct robot *robot, const struct contact_config *contact,
-                             const int *body, char *message, size_t size)
+static void *create_engine(const struct described *what, char *message, size_t size)
 {
-    const struct described what = {robot, contact, body};
     struct engine *engine = calloc(1, sizeof *engine);
     char *text = NULL;
     size_t length = 0;
@@ -323,9 +334,9 @@ static void *create_standing(const struct robot *robot, const struct contact_con
     if (!engine) {
         return NULL;
     }
-    engine->robot = robot;
-    engine->standing = contact != NULL;
-    if (describe(&what, &text, &length)) {
+    engine->robot = what->robot;
+    engine->standing = what->contact != NULL;
+    if (describe(what, &text, &length)) {
         engine->model = compile(text, length, message, size);
     }
     free(text);
@@ -338,7 +349,15 @@ static void *create_standing(const struct robot *robot, const struct contact_con
 
 static void *create(const struct robot *robot, char *message, size_t size)
 {
-    return create_standing(robot, NULL, NULL, message, size);
+    return create_engine(&(struct described){.robot = robot}, message, size);
+}
+
+static void *create_moving(const struct robot *robot, const struct contact_config *contact,
+                           const int *body, char *message, size_t size)
+{
+    const struct described what = {robot, contact, body, robot->ncoupling > 0};
+
+    return create_engine(&what, message, size);
 }
 
 static void put(void *memory, size_t slot, const double *q, const double *v, const double *tau)
@@ -427,4 +446,4 @@ static bool step(void *memory, size_t slot, bool implicit, double dt, size_t ste
 }
 
 const struct peer_dynamics peer_mujoco = {
-    "MuJoCo", PEERS_MUJOCO_VERSION, create, create_standing, destroy, put, run, get, step};
+    "MuJoCo", PEERS_MUJOCO_VERSION, create, create_moving, destroy, put, run, get, step};
