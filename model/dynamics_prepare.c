@@ -141,11 +141,19 @@ static bool find_lane(struct generic *g, int parent, size_t b, size_t from, bool
     return false;
 }
 
-/* Distributes the bodies over groups by their distance from the base. Limbs first continue in their
- * lanes; then the other bodies take the lanes that are left. */
+/* Returns whether a body has no lane yet, but its parent has one before group `from`. */
+static bool body_is_next(const struct robot *robot, const struct generic *g, size_t b, size_t from)
+{
+    const int home = g->home[robot->body[b].parent];
+
+    return g->home[b] < 0 && home >= 0 && home < (int)from;
+}
+
+/* Distributes the bodies over as few groups as possible by their distance from the base. Limbs
+ * first continue in their lanes; then the other bodies take the lanes that are left. */
 static void group_bodies(const struct robot *robot, struct generic *g)
 {
-    size_t from;
+    size_t from, count;
 
     for (size_t b = 1; b < g->nbody; b++) {
         g->home[b] = -1;
@@ -154,19 +162,24 @@ static void group_bodies(const struct robot *robot, struct generic *g)
     g->group[0].body[0] = 0;
     do {
         from = g->ngroup;
+        count = 0;
+        for (size_t b = 1; b < g->nbody; b++) {
+            count += body_is_next(robot, g, b, from);
+        }
         for (int pass = 0; pass < 2; pass++) {
             for (size_t b = 1; b < g->nbody; b++) {
-                const int parent = robot->body[b].parent, home = g->home[parent];
+                const int parent = robot->body[b].parent;
                 bool begun;
 
-                if (g->home[b] < 0 && home >= 0 && home < (int)from &&
-                    !find_lane(g, parent, b, from, pass == 0, &begun) && (pass == 1 || !begun)) {
-                    add_group(g, home);
+                if (body_is_next(robot, g, b, from) &&
+                    !find_lane(g, parent, b, from, pass == 0, &begun) &&
+                    (pass == 1 || (!begun && GROUP * (g->ngroup - from) < count))) {
+                    add_group(g, g->home[parent]);
                     find_lane(g, parent, b, g->ngroup - 1, true, &begun);
                 }
             }
         }
-    } while (g->ngroup > from);
+    } while (count > 0);
 }
 
 enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,

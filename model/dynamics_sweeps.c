@@ -74,7 +74,7 @@ static void set_base(const struct dynamics *d, const double *v, const double up[
             x->l[m][0] += R[3 * m + n][0] * v[BASE_V_LINEAR + n];
             x->a[m][0] += R[3 * m + n][0] * v[BASE_V_ANGULAR + n];
         }
-        x->l[m][0] += up[m];
+        x->l[m][0] += up ? up[m] : 0.0;
     }
 }
 
@@ -166,42 +166,49 @@ INLINE void place_group(const struct generic *g, struct group *group, const doub
     }
 }
 
-/* Computes the poses, velocities and bias accelerations of all bodies, outward. */
-static void sweep_velocity(const struct dynamics *d, const double *q, const double *v)
+/* Computes the poses of all bodies, outward. A stage of an integrator needs motions, accelerations
+ * and velocities at one q, so results for an equal q are reused. */
+static void sweep_place(const struct dynamics *d, const double *q)
 {
-    static const double none[3];
     struct generic *g = d->work;
     struct group *base = &g->group[0];
 
-    /* A stage of an integrator needs motions, accelerations and velocities at one q, so results for
-     * an equal q are reused */
-    if (!g->place_known || memcmp(g->q, q, d->robot->nq * sizeof *q) != 0) {
-        memcpy(g->q, q, d->robot->nq * sizeof *q);
-        g->place_known = true;
-        g->moving_known = false;
-        if (d->robot->floating) {
-            double R[9];
+    if (g->place_known && memcmp(g->q, q, d->robot->nq * sizeof *q) == 0) {
+        return;
+    }
+    memcpy(g->q, q, d->robot->nq * sizeof *q);
+    g->place_known = true;
+    g->moving_known = false;
+    if (d->robot->floating) {
+        double R[9];
 
-            mat3_from_quaternion(q + BASE_Q_QUATERNION, R);
-            for (int k = 0; k < 9; k++) {
-                base->R[k][0] = R[k];
-            }
-            for (int m = 0; m < 3; m++) {
-                base->position[m][0] = q[BASE_Q_POSITION + m];
-            }
+        mat3_from_quaternion(q + BASE_Q_QUATERNION, R);
+        for (int k = 0; k < 9; k++) {
+            base->R[k][0] = R[k];
         }
-        q += d->robot->nq - d->robot->njoint;
-        find_sines(g, q);
-        for (size_t i = 1; i < g->ngroup; i++) {
-            place_group(g, &g->group[i], q);
+        for (int m = 0; m < 3; m++) {
+            base->position[m][0] = q[BASE_Q_POSITION + m];
         }
     }
+    q += d->robot->nq - d->robot->njoint;
+    find_sines(g, q);
+    for (size_t i = 1; i < g->ngroup; i++) {
+        place_group(g, &g->group[i], q);
+    }
+}
+
+/* Computes the poses, velocities and bias accelerations of all bodies, outward. */
+static void sweep_velocity(const struct dynamics *d, const double *q, const double *v)
+{
+    struct generic *g = d->work;
+
+    sweep_place(d, q);
     if (g->moving_known && memcmp(g->v, v, d->robot->nv * sizeof *v) == 0) {
         return;
     }
     memcpy(g->v, v, d->robot->nv * sizeof *v);
     g->moving_known = true;
-    set_base(d, v, none, &base->v);
+    set_base(d, v, NULL, &g->group[0].v);
     for (size_t i = 1; i < g->ngroup; i++) {
         outward_velocity(g, &g->group[i], load_joints(&g->group[i], v + g->first));
     }
@@ -539,20 +546,26 @@ static void sweeps_inverse(const struct dynamics *d, const double *q, const doub
     }
 }
 
-/* Computes velocities of the frames of all bodies (struct dynamics_ops). */
+/* Computes velocities of the frames of all bodies (struct dynamics_ops). They take the place of the
+ * accelerations, so that the velocities for the last forces stay known. */
 static void sweeps_velocities(const struct dynamics *d, const double *q, const double *v,
                               struct body_motion *motion)
 {
     const struct generic *g = d->work;
 
-    sweep_velocity(d, q, v);
+    sweep_place(d, q);
+    set_base(d, v, NULL, &g->group[0].a);
     for (size_t n = 0; n < g->ngroup; n++) {
-        const struct group *group = &g->group[n];
+        struct group *group = &g->group[n];
 
+        if (n > 0) {
+            motion_out(g, group, offsetof(struct group, a), &group->a);
+            add_joint_motion(group, load_joints(group, v + g->first), &group->a);
+        }
         for (int i = 0; i < GROUP; i++) {
             for (int m = 0; group->body[i] >= 0 && m < 3; m++) {
-                motion[group->body[i]].w[m] = group->v.a[m][i];
-                motion[group->body[i]].v[m] = group->v.l[m][i];
+                motion[group->body[i]].w[m] = group->a.a[m][i];
+                motion[group->body[i]].v[m] = group->a.l[m][i];
             }
         }
     }
@@ -564,22 +577,24 @@ static void sweeps_kinematics(const struct dynamics *d, const double *q, const d
 {
     const struct generic *g = d->work;
 
-    sweeps_velocities(d, q, v, motion);
+    sweep_velocity(d, q, v);
     for (size_t n = 0; n < g->ngroup; n++) {
         const struct group *group = &g->group[n];
+        lanes R[9];
 
         for (int k = 0; k < 9; k++) {
-            const lanes element = lanes_row_product(group->R, group->align, k / 3, k % 3);
-
-            for (int i = 0; i < GROUP; i++) {
-                if (group->body[i] >= 0) {
-                    motion[group->body[i]].R[k] = element[i];
-                }
-            }
+            R[k] = lanes_row_product(group->R, group->align, k / 3, k % 3);
         }
         for (int i = 0; i < GROUP; i++) {
+            struct body_motion *own = &motion[group->body[i] < 0 ? 0 : group->body[i]];
+
+            for (int k = 0; group->body[i] >= 0 && k < 9; k++) {
+                own->R[k] = R[k][i];
+            }
             for (int m = 0; group->body[i] >= 0 && m < 3; m++) {
-                motion[group->body[i]].p[m] = group->position[m][i];
+                own->p[m] = group->position[m][i];
+                own->w[m] = group->v.a[m][i];
+                own->v[m] = group->v.l[m][i];
             }
         }
     }
