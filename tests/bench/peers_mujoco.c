@@ -235,7 +235,9 @@ static bool describe(const struct described *what, char **text, size_t *size)
     if (!out) {
         return false;
     }
-    fputs("<mujoco>\n<compiler angle=\"radian\" balanceinertia=\"true\"/>\n<option", out);
+    fputs("<mujoco>\n<compiler angle=\"radian\" balanceinertia=\"true\" boundmass=\"1e-9\" "
+          "boundinertia=\"1e-12\"/>\n<option",
+          out);
     put_numbers(out, "gravity", what->robot->gravity, 3);
     fputs(what->contact   ? "/>\n<worldbody>\n"
           : what->coupled ? "><flag contact=\"disable\"/></option>\n<worldbody>\n"
