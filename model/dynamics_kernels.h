@@ -52,11 +52,10 @@ struct group {
     lanes center[3];   /* mass times center of mass, kg m, inner frame */
     lanes inertia[6];  /* about the body's origin, kg m2, inner frame */
 
-    lanes R[9], position[3];    /* inner frame to world */
-    lanes r[3];                 /* origin, from the parent's origin */
-    struct spatial_lanes v;     /* velocity */
-    struct spatial_lanes bias;  /* velocity-product acceleration */
-    struct spatial_lanes drift; /* acceleration at vdot = 0, gravity included */
+    lanes R[9], position[3];   /* inner frame to world */
+    lanes r[3];                /* origin, from the parent's origin */
+    struct spatial_lanes v;    /* velocity */
+    struct spatial_lanes bias; /* velocity-product acceleration */
     struct spatial_lanes a;
     struct spatial_lanes p; /* bias force; in inverse dynamics the force across the joint */
     struct inertia_lanes A; /* articulated inertia */
@@ -245,16 +244,17 @@ INLINE void rigid_apply(const struct group *group, const struct spatial_lanes *v
     lanes_add_cross(v->a, group->moment, f->l);
 }
 
-/* Computes p = v x* (I v), the force that the rigid bodies need at zero acceleration. */
-INLINE void rigid_bias(struct group *group)
+/* Computes p = I a + v x* (I v), the force that the rigid bodies need. */
+INLINE void find_rigid_force(struct group *group)
 {
-    struct spatial_lanes h;
+    struct spatial_lanes h, *p = &group->p;
 
+    place_inertia(group);
     rigid_apply(group, &group->v, &h);
-    memset(&group->p, 0, sizeof group->p);
-    lanes_add_cross(group->v.a, h.a, group->p.a);
-    lanes_add_cross(group->v.l, h.l, group->p.a);
-    lanes_add_cross(group->v.a, h.l, group->p.l);
+    rigid_apply(group, &group->a, p);
+    lanes_add_cross(group->v.a, h.a, p->a);
+    lanes_add_cross(group->v.l, h.l, p->a);
+    lanes_add_cross(group->v.a, h.l, p->l);
 }
 
 /* Adds the velocity-product accelerations. */
@@ -310,21 +310,6 @@ INLINE void outward_velocity(const struct generic *g, struct group *group, lanes
     }
 }
 
-/* Computes f = A x. */
-INLINE void inertia_apply(const struct inertia_lanes *A, const struct spatial_lanes *x,
-                          struct spatial_lanes *f)
-{
-    lanes l[3];
-
-    lanes_apply_sym(A->J, x->a, f->a);
-    lanes_apply(A->H, x->l, l);
-    lanes_apply_sym(A->M, x->l, f->l);
-    for (int m = 0; m < 3; m++) {
-        f->a[m] += l[m];
-        f->l[m] += A->H[m] * x->a[0] + A->H[3 + m] * x->a[1] + A->H[6 + m] * x->a[2];
-    }
-}
-
 /* Computes U = A S of the joints' axes S. */
 INLINE void project_inertia(const struct group *group, const struct inertia_lanes *A,
                             struct spatial_lanes *U)
@@ -352,7 +337,7 @@ INLINE void project_inertia(const struct group *group, const struct inertia_lane
 INLINE void inward_articulated(const struct generic *g, struct group *group, lanes tau, lanes extra)
 {
     struct inertia_lanes A = group->A;
-    struct spatial_lanes U, p = group->p, biased;
+    struct spatial_lanes U, p = group->p;
     const lanes *r = group->r;
     lanes inverse_d, u, H[9];
 
@@ -377,11 +362,10 @@ INLINE void inward_articulated(const struct generic *g, struct group *group, lan
         }
     }
 
-    /* p <- p + A bias + U u / d */
-    inertia_apply(&A, &group->bias, &biased);
+    /* p <- p + U u / d */
     for (int m = 0; m < 3; m++) {
-        p.a[m] += biased.a[m] + U.a[m] * (u * inverse_d);
-        p.l[m] += biased.l[m] + U.l[m] * (u * inverse_d);
+        p.a[m] += U.a[m] * (u * inverse_d);
+        p.l[m] += U.l[m] * (u * inverse_d);
     }
     force_in(g, group, &p);
 
@@ -410,14 +394,13 @@ INLINE void inward_articulated(const struct generic *g, struct group *group, lan
 }
 
 /* Computes the joints' accelerations from the parents' accelerations, and the bodies' accelerations
- * from both. */
+ * from both. The bodies' accelerations leave out those at vdot = 0. */
 INLINE lanes outward_acceleration(const struct generic *g, struct group *group)
 {
     struct spatial_lanes *a = &group->a;
     lanes qdd;
 
     motion_out(g, group, offsetof(struct group, a), a);
-    add_bias(group, a);
     qdd = (group->u - lanes_dot(group->U.a, a->a) - lanes_dot(group->U.l, a->l)) * group->inverse_d;
     add_joint_motion(group, qdd, a);
     return qdd;

@@ -32,16 +32,15 @@ INLINE void store_joints(const struct group *group, lanes x, double *stored)
     }
 }
 
-/* Stores a lane of x, less `up`, as the first numbers of a rate or an acceleration. */
-static void store_base(const struct generic *g, const struct spatial_lanes *x, int lane,
-                       const double up[3], double *v)
+/* Stores a lane of x as the first numbers of an acceleration or a force. */
+static void store_base(const struct generic *g, const struct spatial_lanes *x, int lane, double *v)
 {
     const lanes *R = g->group[0].R;
 
     for (int m = 0; m < 3; m++) {
         v[BASE_V_LINEAR + m] = v[BASE_V_ANGULAR + m] = 0.0;
         for (int n = 0; n < 3; n++) {
-            v[BASE_V_LINEAR + m] += R[3 * n + m][0] * (x->l[n][lane] - up[n]);
+            v[BASE_V_LINEAR + m] += R[3 * n + m][0] * x->l[n][lane];
             v[BASE_V_ANGULAR + m] += R[3 * n + m][0] * x->a[n][lane];
         }
     }
@@ -62,8 +61,7 @@ static void read_base_inertia(const struct generic *g, struct spatial_inertia *A
 }
 
 /* Sets the motion of the base from the first numbers of a rate or an acceleration. */
-static void set_base(const struct dynamics *d, const double *v, const double up[3],
-                     struct spatial_lanes *x)
+static void set_base(const struct dynamics *d, const double *v, struct spatial_lanes *x)
 {
     const struct generic *g = d->work;
     const lanes *R = g->group[0].R;
@@ -74,7 +72,6 @@ static void set_base(const struct dynamics *d, const double *v, const double up[
             x->l[m][0] += R[3 * m + n][0] * v[BASE_V_LINEAR + n];
             x->a[m][0] += R[3 * m + n][0] * v[BASE_V_ANGULAR + n];
         }
-        x->l[m][0] += up ? up[m] : 0.0;
     }
 }
 
@@ -208,32 +205,34 @@ static void sweep_velocity(const struct dynamics *d, const double *q, const doub
     }
     memcpy(g->v, v, d->robot->nv * sizeof *v);
     g->moving_known = true;
-    set_base(d, v, NULL, &g->group[0].v);
+    set_base(d, v, &g->group[0].v);
     for (size_t i = 1; i < g->ngroup; i++) {
         outward_velocity(g, &g->group[i], load_joints(&g->group[i], v + g->first));
     }
 }
 
-/* Computes the accelerations of all bodies from vdot. Adds `up` to the base's acceleration. */
-static void sweep_acceleration(const struct dynamics *d, const double *vdot, const double up[3])
+/* Computes the accelerations of all bodies from vdot (NULL: zero). lifts: an upward acceleration of
+ * the base that represents gravity is added. */
+static void sweep_acceleration(const struct dynamics *d, const double *vdot, bool lifts)
 {
     const struct generic *g = d->work;
+    struct spatial_lanes *base = &g->group[0].a;
 
-    set_base(d, vdot, up, &g->group[0].a);
+    memset(base, 0, sizeof *base);
+    if (vdot) {
+        set_base(d, vdot, base);
+    }
+    for (int m = 0; lifts && m < 3; m++) {
+        base->l[m][0] -= d->robot->gravity[m];
+    }
     for (size_t i = 1; i < g->ngroup; i++) {
         struct group *group = &g->group[i];
 
         motion_out(g, group, offsetof(struct group, a), &group->a);
         add_bias(group, &group->a);
-        add_joint_motion(group, load_joints(group, vdot + g->first), &group->a);
-    }
-}
-
-/* Computes the upward acceleration of the base that represents gravity. */
-static void gravity_up(const struct dynamics *d, double up[3])
-{
-    for (int m = 0; m < 3; m++) {
-        up[m] = -d->robot->gravity[m];
+        if (vdot) {
+            add_joint_motion(group, load_joints(group, vdot + g->first), &group->a);
+        }
     }
 }
 
@@ -250,58 +249,34 @@ static void body_rotation(const struct group *group, int lane, double R[9])
     mat3_mul(inner, back, R);
 }
 
-/* Adds the given inertia to the observed bodies. The added inertia resists the accelerations due to
- * vdot, but not the accelerations at vdot = 0. */
-static void add_observed_inertia(const struct dynamics *d, const double up[3],
-                                 const struct added_inertia *added)
+/* Adds the given inertia to the observed bodies. */
+static void add_observed_inertia(const struct dynamics *d, const struct added_inertia *added)
 {
-    static const double none[21];
     const struct generic *g = d->work;
-    bool drifts = false;
 
-    for (size_t b = 0; b < g->nbody; b++) {
-        struct group *group = &g->group[g->home[b]];
+    for (size_t b = 0; added && b < g->nbody; b++) {
+        struct inertia_lanes *sum = &g->group[g->home[b]].A;
         const int lane = g->lane[b];
         struct spatial_inertia A;
-        struct spatial drift, f;
         double R[9];
 
         /* Usual case: no inertia. Its diagonal is then zero, and only then */
-        const double *S = d->robot->body[b].observed ? (added++)->A : none;
+        const double *S = d->robot->body[b].observed ? (added++)->A : NULL;
 
-        if (S[0] + S[6] + S[11] + S[15] + S[18] + S[20] == 0.0) {
+        if (!S || S[0] + S[6] + S[11] + S[15] + S[18] + S[20] == 0.0) {
             continue;
-        }
-        if (!drifts) {
-            /* Compute the accelerations at vdot = 0 */
-            memset(&g->group[0].drift, 0, sizeof g->group[0].drift);
-            for (int m = 0; m < 3; m++) {
-                g->group[0].drift.l[m][0] = up[m];
-            }
-            for (size_t i = 1; i < g->ngroup; i++) {
-                struct group *at = &g->group[i];
-                motion_out(g, at, offsetof(struct group, drift), &at->drift);
-                add_bias(at, &at->drift);
-            }
-            drifts = true;
         }
 
         /* Unpack the added inertia and rotate it to world axes */
         spatial_inertia_unpack(S, &A);
-        body_rotation(group, lane, R);
+        body_rotation(&g->group[g->home[b]], lane, R);
         spatial_inertia_rotate(R, &A);
         for (int k = 0; k < 9; k++) {
-            group->A.H[k][lane] += A.H[k];
+            sum->H[k][lane] += A.H[k];
         }
         for (int k = 0; k < 6; k++) {
-            group->A.J[k][lane] += A.J[k];
-            group->A.M[k][lane] += A.M[k];
-        }
-        drift = read_lane(&group->drift, lane);
-        spatial_inertia_apply(&A, &drift, &f);
-        for (int m = 0; m < 3; m++) {
-            group->p.a[m][lane] -= f.a[m];
-            group->p.l[m][lane] -= f.l[m];
+            sum->J[k][lane] += A.J[k];
+            sum->M[k][lane] += A.M[k];
         }
     }
 }
@@ -329,6 +304,20 @@ static void subtract_wrenches(const struct generic *g, const struct wrench *ext)
     }
 }
 
+/* Computes the forces that the bodies' motions need at vdot (NULL: zero), less the wrenches. */
+static void sweep_forces(const struct dynamics *d, const double *q, const double *v,
+                         const double *vdot, const struct wrench *ext)
+{
+    const struct generic *g = d->work;
+
+    sweep_velocity(d, q, v);
+    sweep_acceleration(d, vdot, true);
+    for (size_t i = 0; i < g->ngroup; i++) {
+        find_rigid_force(&g->group[i]);
+    }
+    subtract_wrenches(g, ext);
+}
+
 /* Computes the forward dynamics by the articulated-body algorithm, with added inertia (struct
  * dynamics_ops). extra and added may be NULL. */
 static void sweeps_implicit(const struct dynamics *d, const double *q, const double *v,
@@ -337,21 +326,10 @@ static void sweeps_implicit(const struct dynamics *d, const double *q, const dou
 {
     const struct generic *g = d->work;
     struct group *base = &g->group[0];
-    struct spatial_inertia A;
-    struct spatial a;
-    double up[3];
 
-    /* Outward: velocities, then each body's own inertia and bias force */
-    sweep_velocity(d, q, v);
-    for (size_t i = 0; i < g->ngroup; i++) {
-        place_inertia(&g->group[i]);
-        rigid_bias(&g->group[i]);
-    }
-    subtract_wrenches(g, ext);
-    gravity_up(d, up);
-    if (added) {
-        add_observed_inertia(d, up, added);
-    }
+    /* Outward: velocities, then each body's own inertia and its force at vdot = 0 */
+    sweep_forces(d, q, v, NULL, ext);
+    add_observed_inertia(d, added);
 
     /* Inward: articulated inertias and bias forces */
     for (size_t i = g->ngroup - 1; i > 0; i--) {
@@ -361,10 +339,12 @@ static void sweeps_implicit(const struct dynamics *d, const double *q, const dou
                            extra ? load_joints(group, extra) + group->idle : group->idle);
     }
 
-    /* Outward: accelerations. Gravity is an acceleration of the base that is removed at the end */
+    /* Outward: accelerations, apart from those at vdot = 0 */
     memset(&base->a, 0, sizeof base->a);
     if (d->robot->floating) {
-        struct spatial p = read_lane(&base->p, 0);
+        const struct spatial p = read_lane(&base->p, 0);
+        struct spatial_inertia A;
+        struct spatial a;
 
         read_base_inertia(g, &A);
         spatial_inertia_solve(&A, &p, &a);
@@ -372,11 +352,7 @@ static void sweeps_implicit(const struct dynamics *d, const double *q, const dou
             base->a.a[m][0] = -a.a[m];
             base->a.l[m][0] = -a.l[m];
         }
-        store_base(g, &base->a, 0, up, vdot);
-    } else {
-        for (int m = 0; m < 3; m++) {
-            base->a.l[m][0] = up[m];
-        }
+        store_base(g, &base->a, 0, vdot);
     }
     for (size_t i = 1; i < g->ngroup; i++) {
         store_joints(&g->group[i], outward_acceleration(g, &g->group[i]), vdot + g->first);
@@ -398,7 +374,6 @@ static void respond_side_by_side(const struct dynamics *d, int count, const doub
 {
     const struct generic *g = d->work;
     const size_t njoint = d->robot->njoint, nv = d->robot->nv;
-    static const double none[3];
     const lanes zero = {0.0};
 
     for (size_t b = 0; b < g->nbody; b++) {
@@ -463,7 +438,7 @@ static void respond_side_by_side(const struct dynamics *d, int count, const doub
                 base->a.a[m][i] = -a.a[m];
                 base->a.l[m][i] = -a.l[m];
             }
-            store_base(g, &base->a, i, none, vdot + (size_t)i * nv);
+            store_base(g, &base->a, i, vdot + (size_t)i * nv);
         }
     }
     for (size_t b = 1; b < g->nbody; b++) {
@@ -513,28 +488,11 @@ static void sweeps_respond(const struct dynamics *d, size_t count, const double 
 static void sweeps_inverse(const struct dynamics *d, const double *q, const double *v,
                            const double *vdot, const struct wrench *ext, double *f)
 {
-    static const double none[3];
     const struct generic *g = d->work;
-    double up[3];
 
     /* Outward: compute velocities and accelerations, then the force that each body's motion
      * needs */
-    gravity_up(d, up);
-    sweep_velocity(d, q, v);
-    sweep_acceleration(d, vdot, up);
-    for (size_t i = 0; i < g->ngroup; i++) {
-        struct group *group = &g->group[i];
-        struct spatial_lanes inertial;
-
-        place_inertia(group);
-        rigid_bias(group);
-        rigid_apply(group, &group->a, &inertial);
-        for (int m = 0; m < 3; m++) {
-            group->p.a[m] += inertial.a[m];
-            group->p.l[m] += inertial.l[m];
-        }
-    }
-    subtract_wrenches(g, ext);
+    sweep_forces(d, q, v, vdot, ext);
 
     /* Inward: each joint's component of the force */
     for (size_t i = g->ngroup - 1; i > 0; i--) {
@@ -542,7 +500,7 @@ static void sweeps_inverse(const struct dynamics *d, const double *q, const doub
         force_in(g, &g->group[i], &g->group[i].p);
     }
     if (d->robot->floating) {
-        store_base(g, &g->group[0].p, 0, none, f);
+        store_base(g, &g->group[0].p, 0, f);
     }
 }
 
@@ -554,7 +512,7 @@ static void sweeps_velocities(const struct dynamics *d, const double *q, const d
     const struct generic *g = d->work;
 
     sweep_place(d, q);
-    set_base(d, v, NULL, &g->group[0].a);
+    set_base(d, v, &g->group[0].a);
     for (size_t n = 0; n < g->ngroup; n++) {
         struct group *group = &g->group[n];
 
@@ -604,11 +562,10 @@ static void sweeps_kinematics(const struct dynamics *d, const double *q, const d
 static void sweeps_acceleration(const struct dynamics *d, const double *q, const double *v,
                                 const double *vdot, struct body_acceleration *acceleration)
 {
-    static const double no_gravity[3] = {0.0, 0.0, 0.0};
     const struct generic *g = d->work;
 
     sweep_velocity(d, q, v);
-    sweep_acceleration(d, vdot, no_gravity);
+    sweep_acceleration(d, vdot, false);
     for (size_t n = 0; n < g->ngroup; n++) {
         const struct group *group = &g->group[n];
         lanes a[3] = {group->a.l[0], group->a.l[1], group->a.l[2]};

@@ -82,7 +82,7 @@ END
 conclude throughput_measures_whole_cases
 
 # a figure of one that stands says that it was still there at the end, in both simulators
-run 0 throughput "$source/config/rigs/coman.yaml" --task squat --rounds 1 --seconds 2 \
+run 0 throughput "$source/config/rigs/coman.yaml" --alone --rounds 1 --seconds 2 \
     --peers "$module" -o throughput.json
 says out 'standing on its feet'
 python3 - throughput.json <<'END' || problem="$problem; figures"
@@ -90,6 +90,7 @@ import json, sys
 file = json.load(open(sys.argv[1]))
 (rig,) = file["rigs"]
 assert rig["standing_s_per_core_hour"]["median"] > 0
+assert rig["simulated_s_per_core_hour"] is None, "no case ran"
 assert (rig["mujoco_standing_s_per_core_hour"] is None) == (file["mujoco"] is None)
 END
 conclude throughput_stands

@@ -11,7 +11,7 @@
 #include "tests/unit/model/random_robot.h"
 #include "tests/test.h"
 
-enum { BODIES = RANDOM_JOINTS + 1, COORDINATES = RANDOM_JOINTS + 6, CASES = 100 };
+enum { BODIES = RANDOM_JOINTS + 1, COORDINATES = RANDOM_JOINTS + 6, CASES = 100, RESPONSES = 6 };
 
 static double random_added(uint64_t *seed, struct added_inertia *added)
 {
@@ -87,13 +87,19 @@ static double response_error(const struct dynamics *d, struct random_state *x, c
 {
     const struct robot *robot = d->robot;
     const size_t last = robot->njoint - 1;
-    double tau[RANDOM_JOINTS] = {0}, more[COORDINATES], change[COORDINATES];
+    double torques[RESPONSES * RANDOM_JOINTS] = {0}, changes[RESPONSES * COORDINATES];
+    double *tau = torques + (RESPONSES - 1) * robot->njoint, more[COORDINATES];
+    const double *change = changes + (RESPONSES - 1) * robot->nv;
     double worst = 0.0, size = 1.0;
 
+    /* The other responses are to unit torques */
+    for (size_t r = 0; r + 1 < RESPONSES; r++) {
+        torques[r * robot->njoint + r % robot->njoint] = 1.0;
+    }
     tau[last] = 1.5;
     tau[last / 2] -= 0.7;
     d->ops->implicit(d, x->q, x->v, x->tau, x->ext, extra, added, more);
-    d->ops->respond(d, 1, tau, change);
+    d->ops->respond(d, RESPONSES, torques, changes);
     for (size_t j = 0; j < robot->njoint; j++) {
         x->tau[j] += tau[j];
     }
