@@ -331,9 +331,11 @@ enum error_code import_plan_buses(const struct robot *robot, struct import_plan 
     }
     code = code ? code : plan_add_joints(robot, VALVES_MOST, true, plan, error);
     if (!code && plan->nbus == 0) {
-        return error_set(error, ERROR_INPUT,
-                         "found no joint that a drive can turn, expected one: all of its joints "
-                         "are fixed, slide, or have no actuator; --drive gives them drives");
+        return error_set(
+            error, ERROR_INPUT,
+            "found no joint that a drive can turn, expected one: all of its joints "
+            "are fixed, slide, or have no actuator; --prismatic drive drives those that "
+            "slide, --drive those without an actuator");
     }
     return code ? code : plan_add_sensors(robot, plan, error);
 }

@@ -21,6 +21,7 @@
 #define CARRY_TIMES 1.5    /* least ratio of strength to the torque in a pose */
 /* smallest ratio of the loop's stiffness to the tipping stiffness */
 #define UPRIGHT_TIMES 1.5
+#define STUCK_RAD 5e-3       /* largest error that the file's dry friction leaves in a loop */
 #define FOOT_M 0.02          /* a body whose lowest point is this close to the ground is a foot */
 #define STRENGTH_MOST_NM 1e6 /* largest strength that a robot file may have */
 #define SPEED_RAD_S (2.0 * M_PI) /* assumed speed */
@@ -373,7 +374,8 @@ static struct import_gains gains_choose(const struct robot_sea *sea, double I, d
                                         double tips)
 {
     double own = sea->Dm + sea->Kt * sea->Kw / sea->R, most = own + sea->J / DELAYED_DAMPING_S;
-    double least = fmax(fmax(5.0 * load, UPRIGHT_TIMES * tips), 30.0 * 30.0 * I);
+    const double sticks = sea->effects ? sea->effects->coulomb / STUCK_RAD : 0.0;
+    double least = fmax(fmax(fmax(5.0 * load, UPRIGHT_TIMES * tips), 30.0 * 30.0 * I), sticks);
     double K = fmin(least, 60.0 * 60.0 * I), D, stiff;
     const double holds = UPRIGHT_TIMES * fmax(load, tips);
 

@@ -501,7 +501,7 @@ static enum error_code import_write_bench(struct importer *m)
         if (gains[j].short_of > 0.0) {
             import_note_add(
                 &m->result->notes, IMPORT_DOUBTED, source->file, source->line,
-                "joint \"%.63s\": its loop has %.2g of the stiffness that keeps it from tipping "
+                "joint \"%.63s\": its loop has %.2g of the stiffness that holds it against gravity "
                 "with a margin of 1.5; inertia, rotor and the delay of the buses allow no more",
                 source->name, gains[j].short_of);
         }

@@ -8,9 +8,6 @@
 #include <math.h>
 #include <string.h>
 
-/* Range of a slide without limits. */
-#define SLIDE_MAX_M 100.0
-
 const xmlNode *mjcf_next(const struct import_reader *r, const char *section, const char *element,
                          const xmlNode *after)
 {
@@ -63,6 +60,7 @@ static void mjcf_read_compiler(struct import_reader *r, const xmlNode *node)
     }
     r->exact_meshes = exact ? !strcmp(exact, "true") : r->exact_meshes;
     xml_reals(r->file, node, "inertiagrouprange", 2, r->groups);
+    xml_reals(r->file, node, "settotalmass", 1, &r->total_mass);
 }
 
 /* Refuses an element that generates or loads bodies, which only MuJoCo can expand. Returns whether
@@ -86,7 +84,9 @@ static bool mjcf_refuse_unexpanded(const struct import_reader *r, const xmlNode 
 static void mjcf_check_equality(const struct import_reader *r, const xmlNode *equality)
 {
     for (const xmlNode *node = xml_child(equality, NULL); node; node = xml_next(node, NULL)) {
-        const char *first = xml_attribute(node, "body1"), *second = xml_attribute(node, "body2");
+        const char *site = xml_attribute(node, "site1");
+        const char *first = site ? site : reader_text(node, "body1");
+        const char *second = xml_attribute(node, site ? "site2" : "body2");
 
         if (!xml_is(node, "joint") && !mjcf_is_active(r, node)) {
             reader_note(r, IMPORT_DROPPED, node, "equality <%.40s>: it is not active",
@@ -95,8 +95,8 @@ static void mjcf_check_equality(const struct import_reader *r, const xmlNode *eq
             xml_refuse(r->file, node,
                        "found <%s> %.63s between \"%.63s\" and \"%.63s\", which closes a loop, "
                        "expected a tree: loops are not imported; remove it and drive the open tree",
-                       (const char *)node->name, reader_text(node, "name"),
-                       first ? first : "a site", second ? second : "the world");
+                       (const char *)node->name, reader_text(node, "name"), first,
+                       second ? second : "the world");
         }
     }
 }
@@ -223,16 +223,7 @@ static void mjcf_read_joint_numbers(const struct import_reader *r, const xmlNode
                                                       : r->autolimits && range[0] < range[1]);
     joint->lower = joint->has_limit ? range[0] * unit - *ref : 0.0;
     joint->upper = joint->has_limit ? range[1] * unit - *ref : 0.0;
-    if (joint->type == IMPORT_REVOLUTE && !joint->has_limit) {
-        joint->type = IMPORT_CONTINUOUS;
-    } else if (!joint->has_limit) {
-        joint->has_limit = true;
-        joint->lower = -SLIDE_MAX_M;
-        joint->upper = SLIDE_MAX_M;
-        reader_note(r, IMPORT_CHANGED, node,
-                    "joint \"%.63s\" slides without limits: it has the range of %g m either way",
-                    joint->name, SLIDE_MAX_M);
-    }
+    reader_free_limits(r, node, joint);
     joint->rest = joint->rest * unit - *ref;
 
     /* Add notes where the meaning differs */
@@ -471,6 +462,24 @@ static void mjcf_read_body(struct import_reader *r, const xmlNode *node, int par
 
 /* ---- the whole ---- */
 
+/* Scales the masses and inertias of all bodies to the total of settotalmass. */
+static void mjcf_set_total_mass(const struct import_reader *r)
+{
+    double mass = 0.0;
+
+    for (size_t i = 0; i < r->model->nlink; i++) {
+        mass += r->model->link[i].inertia.mass;
+    }
+    for (size_t i = 0; i < r->model->nlink && r->total_mass > 0.0 && mass > 0.0; i++) {
+        struct robot_inertia *inertia = &r->model->link[i].inertia;
+
+        inertia->mass *= r->total_mass / mass;
+        for (int k = 0; k < 6; k++) {
+            inertia->I[k] *= r->total_mass / mass;
+        }
+    }
+}
+
 /* Allocates the model for all bodies of the file: a link for the world, each body and each
  * joint. */
 static void mjcf_make_room(struct import_reader *r)
@@ -554,6 +563,7 @@ enum error_code mjcf_read(const struct xml_file *file, const struct import_packa
         mjcf_read_children(&r, world, 0, NULL, 0);
     }
     reader_check_names(&r, "body");
+    mjcf_set_total_mass(&r);
     mjcf_read_actuators(&r);
     mjcf_read_couplings(&r);
     mjcf_read_keys(&r);

@@ -105,7 +105,7 @@ static void geom_measure(const struct import_reader *r, const struct import_geom
 
 /* Adds a geom's mass and inertia to a body whose inertia comes from geoms. */
 static void geom_add_inertia(const struct import_reader *r, const xmlNode *node,
-                             const char *childclass, const struct import_geometry *g,
+                             const char *childclass, const struct import_geometry *g, bool fitted,
                              struct robot_inertia *inertia)
 {
     const char *shell = mjcf_attribute(r, node, childclass, "shellinertia");
@@ -118,6 +118,12 @@ static void geom_add_inertia(const struct import_reader *r, const xmlNode *node,
     mjcf_reals(r, node, childclass, "density", 1, &density);
     mjcf_reals(r, node, childclass, "group", 1, &group);
     if (group < r->groups[0] || group > r->groups[1] || (by_mass ? mass == 0.0 : density == 0.0)) {
+        return;
+    }
+    if (fitted) {
+        xml_refuse(r->file, node,
+                   "found a body that weighs what a shape does that MuJoCo fits to the mesh, "
+                   "expected type \"mesh\", a size without a mesh, or <inertial>");
         return;
     }
     geom_measure(r, g, &solid);
@@ -139,6 +145,32 @@ static void geom_add_inertia(const struct import_reader *r, const xmlNode *node,
     import_add_inertia(inertia, &own, &g->place);
 }
 
+/* Moves a geom so that its mesh may stay where the file has it: MuJoCo subtracts refpos from the
+ * vertices, turns them back by refquat, and scales them. */
+static void geom_move_mesh(const struct import_reader *r, const xmlNode *mesh,
+                           struct import_geometry *g)
+{
+    double origin[3] = {0, 0, 0}, quat[4] = {1, 0, 0, 0}, R[9];
+    const struct import_place own = g->place;
+    struct import_place moved;
+
+    mjcf_reals(r, mesh, NULL, "refpos", 3, origin);
+    if (mjcf_reals(r, mesh, NULL, "refquat", 4, quat) &&
+        (g->scale[0] != g->scale[1] || g->scale[0] != g->scale[2])) {
+        xml_refuse(r->file, mesh,
+                   "found refquat of a mesh with scale %g %g %g, expected one scale: turned meshes "
+                   "are not stretched",
+                   g->scale[0], g->scale[1], g->scale[2]);
+    }
+    mat3_from_quaternion(quat, R);
+    mat3_transpose(R, moved.R);
+    for (int m = 0; m < 3; m++) {
+        origin[m] *= -g->scale[m];
+    }
+    mat3_apply(moved.R, origin, moved.xyz);
+    import_place_compose(&own, &moved, &g->place);
+}
+
 /* Finds the mesh of a geom: its file, below meshdir unless the path is absolute, and its scale. */
 static void geom_read_mesh(const struct import_reader *r, const xmlNode *node,
                            const char *childclass, struct import_geometry *g)
@@ -153,11 +185,6 @@ static void geom_read_mesh(const struct import_reader *r, const xmlNode *node,
         xml_refuse(r->file, node, "found mesh \"%.63s\", expected one of <asset> with a file",
                    name ? name : "");
         return;
-    }
-    if (xml_attribute(mesh->node, "refpos") || xml_attribute(mesh->node, "refquat")) {
-        xml_refuse(r->file, mesh->node,
-                   "found refpos or refquat of a mesh, expected it where its file has it: move the "
-                   "geom instead");
     }
     /* In MuJoCo 3, the mesh gives the method for its inertia */
     how = mjcf_attribute(r, mesh->node, NULL, "inertia");
@@ -175,6 +202,7 @@ static void geom_read_mesh(const struct import_reader *r, const xmlNode *node,
     below = *r->meshdir != '\0' && file[0] != '/';
     g->mesh = reader_format(r, "%.200s%s%.300s", below ? r->meshdir : "", below ? "/" : "", file);
     mjcf_reals(r, mesh->node, NULL, "scale", 3, g->scale);
+    geom_move_mesh(r, mesh->node, g);
 }
 
 /* Reads the shape of a geom. Returns false, with a note, for planes and other shapes that robot
@@ -193,12 +221,6 @@ static bool geom_read_type(const struct import_reader *r, const xmlNode *node,
     type = type ? type : mjcf_attribute(r, node, childclass, "mesh") ? "mesh" : "sphere";
     i = TEXT_INDEX(words, ARRAY_COUNT(words), type);
     g->shape = (enum import_shape)i;
-    if (g->shape != IMPORT_MESH && mjcf_attribute(r, node, childclass, "mesh")) {
-        xml_refuse(r->file, node,
-                   "found a geom of type \"%.40s\" with a mesh, which MuJoCo fits to the mesh, "
-                   "expected type \"mesh\" or a size",
-                   type);
-    }
     if (i < 0) {
         reader_note(r, IMPORT_DROPPED, node,
                     "geom of type \"%.40s\": robots here have spheres, boxes, cylinders, capsules, "
@@ -240,6 +262,7 @@ void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, const ch
 {
     struct import_geometry g = {.file = mjcf_file(r, node), .line = xml_line(node), .link = link};
     double type = 1, affinity = 1;
+    bool fitted;
 
     mjcf_read_place(r, node, childclass, &g.place);
     mjcf_reals(r, node, childclass, "contype", 1, &type);
@@ -248,14 +271,22 @@ void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, const ch
         return; /* planes and height fields have no mass in MuJoCo */
     }
 
-    /* Read dimensions first, because mass and inertia depend on them */
+    /* Read dimensions first, because mass and inertia depend on them. A shape that MuJoCo fits to a
+     * mesh is taken as the mesh, but does not weigh what the mesh does */
+    fitted = g.shape != IMPORT_MESH && mjcf_attribute(r, node, childclass, "mesh");
+    if (fitted) {
+        reader_note(r, IMPORT_SHAPED, node,
+                    "geom that MuJoCo fits to mesh \"%.63s\" has the shape of the mesh",
+                    mjcf_attribute(r, node, childclass, "mesh"));
+        g.shape = IMPORT_MESH;
+    }
     if (g.shape == IMPORT_MESH) {
         geom_read_mesh(r, node, childclass, &g);
     } else {
         geom_read_size(r, node, childclass, &g);
     }
     if (inertia && !r->error->code) {
-        geom_add_inertia(r, node, childclass, &g, inertia);
+        geom_add_inertia(r, node, childclass, &g, fitted, inertia);
     }
     g.collision = type != 0 || affinity != 0;
 

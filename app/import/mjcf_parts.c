@@ -100,7 +100,7 @@ static const char *class_attribute(const xmlNode *class, const xmlNode *node, co
             if (!found && actuator && !strcmp(name, "biastype") && !xml_is(at, "general")) {
                 found = xml_is(at, "motor") ? "none" : "affine";
             }
-            text = found ? found : text;
+            text = found && *found ? found : text;
         }
     }
     return text;
@@ -112,6 +112,8 @@ const char *mjcf_attribute(const struct import_reader *r, const xmlNode *node,
     const struct xml_name *end = r->classes.entry + r->classes.count;
     const char *text = xml_attribute(node, name), *own = xml_attribute(node, "class");
 
+    /* An attribute without a value counts as missing */
+    text = text && *text ? text : NULL;
     own = own ? own : mjcf_class(node, childclass);
     own = own ? own : "main";
     for (int depth = 0; !text && own && depth < MJCF_CLASSES_DEEP; depth++) {
@@ -341,6 +343,62 @@ static void actuator_find_range(const struct import_reader *r, const xmlNode *no
     mjcf_clamp(r, node, NULL, "force", 1.0, range);
 }
 
+/* Adds an actuator to a joint. The gear converts the actuator's force to the joint's force. Forces
+ * of several actuators add up; if one has no limit, the sum has none. Returns false if the joint
+ * cannot have a drive. */
+static bool actuator_add(const struct import_reader *r, const xmlNode *node, const char *name,
+                         double coefficient, double (*sum)[2])
+{
+    const int at = import_find_joint(r->model, name);
+    struct import_joint *joint = &r->model->joint[at < 0 ? 0 : at];
+    double gear[6] = {1}, range[2], low, high;
+
+    if (at < 0 || joint->type == IMPORT_FLOATING) {
+        return false;
+    }
+    if (joint->driven) {
+        reader_note(r, IMPORT_CHANGED, node,
+                    "joint \"%.63s\" has several actuators: one drive has the sum of their limits",
+                    name);
+    }
+    mjcf_some_reals(r, node, NULL, "gear", 6, gear);
+    actuator_find_range(r, node, range);
+    gear[0] *= coefficient;
+    low = gear[0] != 0.0 ? gear[0] * range[0] : 0.0;
+    high = gear[0] != 0.0 ? gear[0] * range[1] : 0.0;
+    joint->driven = true;
+    sum[at][0] += fmin(low, high);
+    sum[at][1] += fmax(low, high);
+    return true;
+}
+
+/* Gives each joint of a fixed tendon a drive of its own, with its share of the actuator's force.
+ * Returns false if the tendon is not fixed or moves no joint. */
+static bool actuator_pull(const struct import_reader *r, const xmlNode *node, const char *name,
+                          double (*sum)[2])
+{
+    const xmlNode *tendon = mjcf_next(r, "tendon", "fixed", NULL);
+    bool moves = false;
+
+    while (tendon && strcmp(reader_text(tendon, "name"), name) != 0) {
+        tendon = mjcf_next(r, "tendon", "fixed", tendon);
+    }
+    for (const xmlNode *part = tendon ? xml_child(tendon, "joint") : NULL; part;
+         part = xml_next(part, "joint")) {
+        double coefficient = 1.0;
+
+        xml_reals(r->file, part, "coef", 1, &coefficient);
+        moves |= actuator_add(r, node, reader_text(part, "joint"), coefficient, sum);
+    }
+    if (moves) {
+        reader_note(r, IMPORT_CHANGED, node,
+                    "tendon \"%.63s\": each of its joints has a drive of its own, with its share "
+                    "of the actuator's force",
+                    name);
+    }
+    return moves;
+}
+
 void mjcf_read_actuators(const struct import_reader *r)
 {
     struct import_model *model = r->model;
@@ -348,35 +406,17 @@ void mjcf_read_actuators(const struct import_reader *r)
 
     for (const xmlNode *node = mjcf_next(r, "actuator", NULL, NULL); node && sum;
          node = mjcf_next(r, "actuator", NULL, node)) {
-        const char *name = xml_attribute(node, "joint");
-        double gear[6] = {1}, range[2], low, high;
-        int joint;
-
         /* For joints of one coordinate, jointinparent means the same */
-        name = name ? name : xml_attribute(node, "jointinparent");
-        joint = name ? import_find_joint(model, name) : -1;
-        if (joint < 0 || model->joint[joint].type == IMPORT_FLOATING) {
-            model->drives_others = true;
-            reader_note(r, IMPORT_DROPPED, node, "actuator <%.40s>: it drives no joint",
-                        (const char *)node->name);
-            continue;
-        }
-        if (model->joint[joint].driven) {
-            reader_note(r, IMPORT_CHANGED, node,
-                        "joint \"%.63s\" has several actuators: one drive has the sum of their "
-                        "limits",
-                        name);
-        }
+        const char *name = xml_attribute(node, "joint"), *tendon = xml_attribute(node, "tendon");
 
-        /* The gear converts the actuator's force to the joint's force. Forces of several actuators
-         * add up; if one has no limit, the sum has none */
-        mjcf_some_reals(r, node, NULL, "gear", 6, gear);
-        actuator_find_range(r, node, range);
-        low = gear[0] != 0.0 ? gear[0] * range[0] : 0.0;
-        high = gear[0] != 0.0 ? gear[0] * range[1] : 0.0;
-        model->joint[joint].driven = true;
-        sum[joint][0] += fmin(low, high);
-        sum[joint][1] += fmax(low, high);
+        name = name ? name : xml_attribute(node, "jointinparent");
+        if (name ? !actuator_add(r, node, name, 1.0, sum)
+                 : !tendon || !actuator_pull(r, node, tendon, sum)) {
+            model->drives_others = true;
+            reader_note(r, IMPORT_DROPPED, node,
+                        "actuator <%.40s>: it drives neither a joint nor a fixed tendon",
+                        (const char *)node->name);
+        }
     }
     for (size_t j = 0; j < model->njoint && sum; j++) {
         struct import_joint *joint = &model->joint[j];
@@ -529,12 +569,12 @@ void mjcf_read_keys(const struct import_reader *r)
 /* ---- the report ---- */
 
 #define PLACE " pos quat axisangle euler xyaxes zaxis"
-#define ACTUATOR "joint jointinparent gear ctrlrange ctrllimited forcerange forcelimited"
+#define ACTUATOR "joint jointinparent tendon gear ctrlrange ctrllimited forcerange forcelimited"
 
 const struct reader_row mjcf_read_attributes[] = {
     {"mujoco", "model"},
     {"compiler", "angle eulerseq autolimits inertiafromgeom inertiagrouprange meshdir assetdir "
-                 "coordinate exactmeshinertia"},
+                 "coordinate exactmeshinertia settotalmass"},
     {"default", ""},
     {"asset", ""},
     {"mesh", "file scale inertia refpos refquat"},
@@ -544,7 +584,7 @@ const struct reader_row mjcf_read_attributes[] = {
     {"frame", "childclass" PLACE},
     {"freejoint", ""},
     {"joint", "type pos axis range limited ref springref stiffness damping armature frictionloss "
-              "actuatorfrcrange actuatorfrclimited joint1 joint2 polycoef active"},
+              "actuatorfrcrange actuatorfrclimited joint1 joint2 polycoef active joint coef"},
     {"inertial", "mass diaginertia fullinertia" PLACE},
     {"geom", "type size fromto mass density shellinertia group contype conaffinity mesh material "
              "rgba" PLACE},
@@ -562,6 +602,8 @@ const struct reader_row mjcf_read_attributes[] = {
     {"cylinder", ACTUATOR},
     {"muscle", NULL},
     {"adhesion", NULL},
+    {"tendon", ""},
+    {"fixed", ""},
     {"keyframe", ""},
     {"key", "qpos"},
     {"sensor", ""},

@@ -7,6 +7,9 @@
 #include <stdio.h>
 #include <string.h>
 
+/* Range of a slide without limits. */
+#define SLIDE_MAX_M 100.0
+
 void reader_note(const struct import_reader *r, enum import_fate fate, const xmlNode *node,
                  const char *format, ...)
 {
@@ -91,6 +94,24 @@ void reader_check_names(const struct import_reader *r, const char *what)
                          "found joint \"%.63s\" again, expected it once (line %d)", joint->name,
                          model->joint[first].line);
         }
+    }
+}
+
+void reader_free_limits(const struct import_reader *r, const xmlNode *node,
+                        struct import_joint *joint)
+{
+    if (joint->has_limit) {
+        return;
+    }
+    if (joint->type == IMPORT_REVOLUTE) {
+        joint->type = IMPORT_CONTINUOUS;
+    } else if (joint->type == IMPORT_PRISMATIC) {
+        joint->has_limit = true;
+        joint->lower = -SLIDE_MAX_M;
+        joint->upper = SLIDE_MAX_M;
+        reader_note(r, IMPORT_CHANGED, node,
+                    "joint \"%.63s\" slides without limits: it has the range of %g m either way",
+                    joint->name, SLIDE_MAX_M);
     }
 }
 

@@ -44,6 +44,7 @@ struct import_reader {
     bool autolimits, exact_meshes;
     enum mjcf_inertia from_geom;
     double groups[2];    /* range of geom groups that add to inertia */
+    double total_mass;   /* kg, of settotalmass; 0 = as the file adds up */
     const char *meshdir; /* "" = the file's folder */
     const char *imu_site, *imu_name;
     double *ref;        /* by joint: MuJoCo's position in the pose of the file */
@@ -90,6 +91,11 @@ extern const struct reader_row mjcf_read_attributes[];
 
 /* Refuses links or joints that share a name. `what` is the file's word for a link. */
 void reader_check_names(const struct import_reader *r, const char *what);
+
+/* Changes a joint without limits: a revolute joint becomes continuous, and a prismatic joint gets a
+ * wide range, with a note. */
+void reader_free_limits(const struct import_reader *r, const xmlNode *node,
+                        struct import_joint *joint);
 
 /* ---- MJCF ---- */
 

@@ -110,12 +110,12 @@ void simplify_enter_world(struct simplifier *r)
     }
     r->floats = floating && still <= best;
 
-    /* Free bodies beside the robot are objects. All other joints beside a robot that floats must be
-     * fixed */
+    /* Parts with fewer joints than the robot are objects: free bodies and, beside a robot that
+     * floats, parts on joints in the world */
     for (size_t j = 0; floating && j < model->njoint; j++) {
         const struct import_joint *other = &model->joint[j];
-        const bool object =
-            other->type == IMPORT_FLOATING && (!r->floats || count[j] < best || count[j] == 0);
+        const bool object = r->floats ? other->type != IMPORT_FIXED && (count[j] < best || !best)
+                                      : other->type == IMPORT_FLOATING;
 
         if (other->parent_link != r->root || (r->floats ? other == floating : !object)) {
             continue;
@@ -212,7 +212,7 @@ void simplify_fix_joint(struct simplifier *r, size_t j, double at, const char *w
                     joint->type == IMPORT_PRISMATIC ? "m" : "rad", why);
 }
 
-/* Checks the limits of revolute and prismatic joints. Refuses missing or reversed limits. Equal
+/* Checks the limits of revolute and prismatic joints. Refuses reversed limits. Equal
  * limits fix the joint. */
 static void simplify_check_limit(struct simplifier *r, size_t j)
 {
@@ -221,13 +221,7 @@ static void simplify_check_limit(struct simplifier *r, size_t j)
     if (joint->type != IMPORT_REVOLUTE && joint->type != IMPORT_PRISMATIC) {
         return;
     }
-    if (!joint->has_limit) {
-        import_error(
-            r->error, joint->file, joint->line,
-            "found joint \"%.63s\" without the limits lower and upper, expected them; a "
-            "joint that turns for ever is \"continuous\", one that does not move \"fixed\"",
-            joint->name);
-    } else if (joint->lower > joint->upper) {
+    if (joint->lower > joint->upper) {
         import_error(r->error, joint->file, joint->line,
                      "found joint \"%.63s\" with lower limit %g above its upper limit %g, expected "
                      "it below",

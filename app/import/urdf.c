@@ -270,26 +270,37 @@ static void urdf_read_limit(const struct import_reader *r, const xmlNode *node,
     const xmlNode *limit = urdf_only_child(r, node, "limit");
     bool lower, upper;
 
-    if (!limit) {
-        return;
+    lower = limit && xml_reals(r->file, limit, "lower", 1, &joint->lower);
+    upper = limit && xml_reals(r->file, limit, "upper", 1, &joint->upper);
+    if (limit) {
+        xml_reals(r->file, limit, "effort", 1, &joint->effort);
+        xml_reals(r->file, limit, "velocity", 1, &joint->velocity);
     }
-    lower = xml_reals(r->file, limit, "lower", 1, &joint->lower);
-    upper = xml_reals(r->file, limit, "upper", 1, &joint->upper);
-    xml_reals(r->file, limit, "effort", 1, &joint->effort);
-    xml_reals(r->file, limit, "velocity", 1, &joint->velocity);
 
-    /* In URDF, a single missing limit is 0. For a joint without limits, some tools write -1, or a
-     * lower limit above the upper one */
-    joint->has_limit = lower || upper;
+    /* In URDF, a single missing limit is 0, and a continuous joint has none. For a joint without
+     * limits, some tools write -1, a lower limit above the upper one, or huge limits */
+    joint->has_limit = (lower || upper) && joint->type != IMPORT_CONTINUOUS;
+    if ((lower || upper) && !joint->has_limit) {
+        reader_note(r, IMPORT_DROPPED, limit, "limits %g to %g of continuous joint \"%.63s\"",
+                    joint->lower, joint->upper, joint->name);
+        joint->lower = joint->upper = 0.0;
+    }
     joint->effort = joint->effort == NO_LIMIT ? 0.0 : joint->effort;
     joint->velocity = joint->velocity == NO_LIMIT ? 0.0 : joint->velocity;
     if (joint->type == IMPORT_REVOLUTE && joint->has_limit &&
-        (joint->lower > joint->upper || (joint->lower == NO_LIMIT && joint->upper == NO_LIMIT))) {
+        (joint->lower > joint->upper || (joint->lower == NO_LIMIT && joint->upper == NO_LIMIT) ||
+         (joint->lower < -ANGLE_MAX && joint->upper > ANGLE_MAX))) {
         reader_note(r, IMPORT_CHANGED, limit, "limits %g to %g of joint \"%.63s\" mean none",
                     joint->lower, joint->upper, joint->name);
-        joint->type = IMPORT_CONTINUOUS;
+        joint->lower = joint->upper = 0.0;
         joint->has_limit = false;
+    } else if (joint->type == IMPORT_REVOLUTE && !joint->has_limit) {
+        reader_note(r, IMPORT_CHANGED, node,
+                    "joint \"%.63s\" has no limits lower and upper: it turns without limits, as in "
+                    "MuJoCo",
+                    joint->name);
     }
+    reader_free_limits(r, node, joint);
     if (joint->effort < 0 || joint->velocity < 0 || fabs(joint->lower) > ANGLE_MAX ||
         fabs(joint->upper) > ANGLE_MAX) {
         xml_refuse(r->file, limit,
@@ -598,7 +609,10 @@ static const struct reader_row urdf_attributes[] = {
     {"limit", "lower upper effort velocity"},
     {"dynamics", "damping friction"},
     {"mimic", "joint multiplier offset"},
-    {"transmission", NULL},
+    {"transmission", ""},
+    {"type", ""},
+    {"actuator", ""},
+    {"mechanicalReduction", ""},
     {"gazebo", NULL},
     {"sensor", NULL},
     {"group", NULL},

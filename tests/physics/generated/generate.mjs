@@ -75,7 +75,6 @@ const REFUSED = {
   weld: /weld/,
   replicate: /replicate/,
   composite: /composite/,
-  refpos: /refpos/,
   'global coordinates': /coordinate/,
   'fitted shape': /mesh/,
   'shell of a geom': /shell/,
@@ -167,7 +166,7 @@ class Mjcf {
     const angle = d.of([undefined, 'degree', 'radian', 'radian'])
     this.degrees = angle !== 'radian'
     this.autolimits = !d.chance(0.25)
-    this.fromgeom = d.of([undefined, undefined, 'auto', 'true', 'false'])
+    this.fromgeom = this.refused === 'fitted shape' ? 'true' : d.of([undefined, undefined, 'auto', 'true', 'false'])
     this.note(`inertiafromgeom ${this.fromgeom ?? 'auto'}`)
     this.note(`angle ${angle ?? 'default'}`)
     const sequence = ['x', 'y', 'z'].sort(() => d.unit() - 0.5)
@@ -178,6 +177,7 @@ class Mjcf {
       autolimits: this.autolimits ? d.of([undefined, 'true']) : 'false',
       inertiafromgeom: this.fromgeom,
       inertiagrouprange: this.some(0.2, 'inertiagrouprange', () => [0, d.whole(2, 4)]),
+      settotalmass: this.some(0.1, 'settotalmass', () => d.real(1, 9)),
       meshdir: this.some(0.3, 'meshdir', () => '.'),
       coordinate: this.refused === 'global coordinates' ? 'global' : undefined,
     }
@@ -275,7 +275,7 @@ class Mjcf {
   assets() {
     const d = this.d
     this.mesh = []
-    if (!d.chance(0.35) && this.refused !== 'refpos' && this.refused !== 'fitted shape') {
+    if (!d.chance(0.35) && this.refused !== 'fitted shape') {
       return
     }
     this.note('mesh')
@@ -286,12 +286,14 @@ class Mjcf {
         this.note(`mesh inertia ${how}`)
       }
       const own = d.chance(0.5) ? undefined : `${name}-mesh`
+      const scale = this.some(0.5, 'scale of a mesh', () => [d.real(0.5, 1.5), d.real(0.5, 1.5), d.real(0.5, 1.5)])
       this.w.leaf('mesh', {
         name: own,
         file: `${name}.obj`,
-        scale: this.some(0.5, 'scale of a mesh', () => [d.real(0.5, 1.5), d.real(0.5, 1.5), d.real(0.5, 1.5)]),
+        scale,
         inertia: how,
-        refpos: this.refused === 'refpos' ? [0.1, 0, 0] : undefined,
+        refpos: this.some(0.3, 'refpos of a mesh', () => [d.real(-0.1, 0.1), d.real(-0.1, 0.1), d.real(-0.1, 0.1)]),
+        refquat: scale && scale[0] !== scale[1] ? undefined : this.some(0.3, 'refquat of a mesh', () => [1, d.real(-1, 1), d.real(-1, 1), 0]),
         ...this.unread({ maxhullvert: 20, smoothnormal: 'true' }),
       })
       this.mesh.push(own ?? name)
@@ -535,8 +537,8 @@ class Mjcf {
     }
     this.w.leaf('inertial', { pos: [0, 0, 0.1], mass: 2, diaginertia: [0.03, 0.04, 0.05] })
     this.w.leaf('geom', { type: 'box', size: [0.1, 0.1, 0.1], mass: 2 })
-    if (this.refused === 'refpos' || this.refused === 'fitted shape') {
-      this.w.leaf('geom', { type: this.refused === 'refpos' ? 'mesh' : 'box', mesh: this.mesh[0], mass: 1 })
+    if (this.refused === 'fitted shape') {
+      this.w.leaf('geom', { type: 'box', mesh: this.mesh[0], mass: 1, group: 0 })
     }
     this.site()
     first()

@@ -480,14 +480,15 @@ function compareCouplings(m, robot, file) {
 // What import takes of each element, by the guide. Everything else must be in the report.
 const TAKEN = {
   mujoco: 'model',
-  compiler: 'angle eulerseq autolimits inertiafromgeom inertiagrouprange meshdir assetdir coordinate',
+  compiler: 'angle eulerseq autolimits inertiafromgeom inertiagrouprange meshdir assetdir coordinate exactmeshinertia settotalmass',
   default: 'class',
-  mesh: 'name file scale inertia class filename',
+  mesh: 'name file scale inertia class filename refpos refquat',
   material: 'name rgba class',
   body: 'name pos quat axisangle euler xyaxes zaxis childclass',
   frame: 'name pos quat axisangle euler xyaxes zaxis childclass',
   freejoint: 'name',
-  joint: 'name class type pos axis range limited ref springref stiffness damping armature frictionloss actuatorfrcrange actuatorfrclimited joint1 joint2 polycoef active',
+  joint: 'name class type pos axis range limited ref springref stiffness damping armature frictionloss actuatorfrcrange actuatorfrclimited joint1 joint2 polycoef active joint coef',
+  fixed: 'name',
   inertial: 'pos quat axisangle euler xyaxes zaxis mass diaginertia fullinertia',
   geom: 'name class type size pos quat axisangle euler xyaxes zaxis fromto mass density group contype conaffinity mesh material rgba',
   site: 'name class pos quat axisangle euler xyaxes zaxis fromto',
@@ -509,7 +510,7 @@ const TAKEN_URDF = {
   gazebo: 'reference', sensor: 'name type', force_torque: '-', frame: '-', measure_direction: '-',
   transmission: 'name', type: '-', actuator: 'name', mechanicalReduction: '-',
 }
-const SECTIONS = new Set(['worldbody', 'asset', 'actuator', 'keyframe', 'sensor', 'default', 'equality'])
+const SECTIONS = new Set(['worldbody', 'asset', 'actuator', 'keyframe', 'sensor', 'default', 'equality', 'tendon'])
 
 function compareReport(robot, file) {
   const taken = file.mjcf ? TAKEN : TAKEN_URDF

@@ -5,6 +5,7 @@
 #include "app/import/write.h"
 #include "base/array.h"
 #include "rig/rig.h"
+#include "tests/physics/near.h"
 #include "tests/test.h"
 
 #include <math.h>
@@ -479,6 +480,28 @@ TEST_WITH(limits_of_boards_lie_outside_the_stops, open_folder, remove_folder)
         }
     }
     assert_true(rig->axis[0].lower_rad == 0.0 && rig->axis[0].upper_rad == 2.0);
+}
+
+/* Dry friction of the file leaves 5 mrad, within what the inertia bears: 60 rad/s */
+TEST_WITH(dry_friction_stiffens_the_loop, open_folder, remove_folder)
+{
+    static const struct {
+        const char *joint;
+        double stiffness;
+    } cases[] = {{"range='-2 2' armature='0.02' frictionloss='0.2'", 0.2 / 5e-3},
+                 {"range='-2 2' armature='0.02' frictionloss='9'", 3600.0 * 0.0265}};
+
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
+        struct import_result result;
+        const struct robot_sea *sea;
+        const struct rig *rig;
+
+        write_arm(cases[i].joint, "<position joint='j' kp='8' forcerange='-50 50'/>");
+        rig = import_arm("icub", &result);
+        sea = &result.loaded->joint[0].sea;
+        assert_near(rig->servo.gains[0].kp_v_per_rad * sea->Kt / sea->R, cases[i].stiffness,
+                    1e-3 * cases[i].stiffness);
+    }
 }
 
 /* The loop is as stiff as the inertia asks, 30 rad/s, whatever the rotor's inertia */

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "tests/physics/near.h"
+#include "base/array.h"
 #include "base/vec3.h"
 #include "tests/unit/app/import/text.h"
 #include "tests/test.h"
@@ -222,13 +223,45 @@ TEST_WITH(limits_that_exclude_zero_move_the_rest, open_default, close_arena)
     assert_true(noted(IMPORT_CHANGED, 4, "exclude 0"));
 }
 
+/* Files without limits, and with what some tools write for none */
+TEST_WITH(joints_without_limits_turn_for_ever, open_default, close_arena)
+{
+    static const struct {
+        const char *type, *limit, *words;
+        enum import_fate fate;
+    } cases[] = {
+        {"revolute", "", "turns without limits", IMPORT_CHANGED},
+        {"revolute", "<limit effort='3' velocity='2'/>", "turns without limits", IMPORT_CHANGED},
+        {"revolute", "<limit lower='-1e16' upper='1e16' effort='-1'/>", "mean none",
+         IMPORT_CHANGED},
+        {"continuous", "<limit lower='-1e16' upper='1e16'/>", "of continuous joint \"j\"",
+         IMPORT_DROPPED},
+        {"continuous", "<limit lower='-1' upper='1'/>", "limits -1 to 1 of continuous joint \"j\"",
+         IMPORT_DROPPED},
+    };
+
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
+        char text[1024];
+
+        snprintf(text, sizeof text,
+                 ROBOT(LINK("base") LINK("a") JOINT("j", "%s", "base", "a", "%s")), cases[i].type,
+                 cases[i].limit);
+        import_good(text);
+        assert_true(made.robot->joint[0].upper > 300.0);
+        assert_near(made.robot->joint[0].stop.stiffness, 0.0, 0.0);
+        assert_true(noted(cases[i].fate, 4, cases[i].words));
+    }
+    options.free_slides = true;
+    import_good(ROBOT(LINK("base") LINK("a") JOINT("j", "prismatic", "base", "a", "")));
+    assert_near(made.robot->joint[0].lower, -100.0, 0.0);
+    assert_true(noted(IMPORT_CHANGED, 4, "slides without limits"));
+}
+
 TEST_WITH(impossible_joints_are_refused, open_default, close_arena)
 {
     static const struct {
         const char *text, *place, *words;
     } cases[] = {
-        {ROBOT(LINK("base") LINK("a") JOINT("j", "revolute", "base", "a", "")),
-         "x.urdf:4: ", "without the limits"},
         {ROBOT(LINK("base") LINK("a")
                    JOINT("j", "prismatic", "base", "a", "<limit lower='2' upper='1'/>")),
          "x.urdf:4: ", "above its upper limit"},
@@ -368,21 +401,23 @@ TEST_WITH(floating_joint_makes_its_child_the_base, open_default, close_arena)
     assert_true(noted(IMPORT_DROPPED, 7, "link \"floor\""));
 }
 
-/* The part with most joints is the robot, and free bodies beside it are objects */
-TEST_WITH(free_bodies_beside_a_robot_are_objects, open_default, close_arena)
+/* The part with most joints is the robot. Free bodies beside it are objects; so are parts on joints
+ * in the world beside a robot that floats */
+TEST_WITH(parts_with_fewer_joints_than_the_robot_are_objects, open_default, close_arena)
 {
     static const char *const object[] = {
         "<body name='box' pos='1 0 0'><freejoint/><geom size='1'/></body>",
         "<body name='box'><freejoint/><geom size='1'/><body name='lid'><joint name='k' "
-        "range='0 1'/><geom size='1'/></body></body>"};
+        "range='0 1'/><geom size='1'/></body></body>",
+        "<body name='box'><joint name='k'/><geom size='1'/></body>"};
     static const char *const arm =
         "<body name='%s'>%s<geom size='1'/><body name='b'><joint name='i' range='0 1'/>"
         "<geom size='1'/><body name='c'><joint name='j' range='0 1'/><geom size='1'/>"
         "</body></body></body>";
     char robot[512], text[1200];
 
-    for (int i = 0; i < 8; i++) {
-        const bool floats = i & 1, first = i & 2;
+    for (int i = 0; i < 12; i++) {
+        const bool floats = i & 1 || i >= 8, first = i & 2;
 
         snprintf(robot, sizeof robot, arm, "a", floats ? "<freejoint/>" : "");
         snprintf(text, sizeof text, "<mujoco><worldbody>%s%s</worldbody></mujoco>\n",
@@ -579,12 +614,18 @@ TEST_WITH(mjcf_that_is_no_plain_tree_is_refused, open_default, close_arena)
          "x.urdf:5: ", "<connect> rod between \"a\" and \"b\", which closes a loop"},
         {MJCF("", "<joint name='j'/>", "<equality><weld body1='a'/></equality>"),
          "x.urdf:4: ", "\"a\" and \"the world\""},
+        {MJCF("", "<joint name='j'/>", "<equality><connect site1='p' site2='q'/></equality>"),
+         "x.urdf:4: ", "\"p\" and \"q\""},
         {MJCF("", "<joint type='ball'/>", ""), "x.urdf:4: ", "three hinges for a ball"},
         {MJCF("<include file='/etc/passwd'/>", "<joint/>", ""), "x.urdf:2: ", "without a folder"},
         {MJCF("", "<replicate><body/></replicate>", ""), "x.urdf:4: ", "found <replicate>"},
         {MJCF("", "<body name='f'>" FRAMES("<joint/>") "</body>", ""), "x.urdf:4: ", "16 deep"},
-        {MJCF("", "<body name='f'><joint/><geom type='box' mesh='m'/></body>", ""),
+        {MJCF("<asset><mesh name='m' file='m.obj'/></asset>",
+              "<body name='f'><joint/><geom type='box' mesh='m'/></body>", ""),
          "x.urdf:4: ", "MuJoCo fits to the mesh"},
+        {MJCF("<asset><mesh name='m' file='m.obj' scale='1 2 1' refquat='1 1 0 0'/></asset>",
+              "<joint/><geom type='mesh' mesh='m'/>", ""),
+         "x.urdf:2: ", "found refquat of a mesh with scale 1 2 1"},
         {MJCF("<compiler coordinate='global'/>", "<joint/>", ""), "x.urdf:2: ", "coordinate"},
         {MJCF("<compiler eulerseq='xyq'/>", "<joint/>", ""), "x.urdf:2: ", "eulerseq"},
         {MJCF("", "<joint/><body name='a'/>", ""), "x.urdf:4: ", "found body \"a\" again"},
@@ -707,6 +748,10 @@ TEST_WITH(blocks_are_placed_by_their_ends, open_default, close_arena)
                "x.urdf:4: ", "found an orientation of <geom>");
 }
 
+/* A fixed tendon of half the joint's way, whose actuator the joint feels at half its force */
+#define TENDON                                                                                     \
+    "</actuator><tendon><fixed name='t'><joint joint='j' coef='-0.5'/></fixed></tendon><actuator>"
+
 TEST_WITH(limits_of_actuators_add_up, open_default, close_arena)
 {
     static const struct {
@@ -721,6 +766,9 @@ TEST_WITH(limits_of_actuators_add_up, open_default, close_arena)
         {"actuatorfrcrange='-9 9'", "<motor joint='j' ctrlrange='-6 6'/>", 6},
         {"actuatorfrcrange='-7 7'", "<motor joint='j' ctrlrange='-6 6'/><position joint='j'/>", 7},
         {"actuatorfrcrange='-7 7'", "<motor joint='j' ctrlrange='-2 2' ctrllimited='false'/>", 7},
+        {"", "<motor tendon='t' gear='2' ctrlrange='-5 3'/>" TENDON, 5},
+        {"", "<motor joint='j' ctrlrange='-6 6'/><position tendon='t' forcerange='-4 4'/>" TENDON,
+         8},
     };
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
@@ -754,6 +802,44 @@ TEST_WITH(joints_without_an_actuator_turn_freely, open_default, close_arena)
     assert_true(made.robot->joint[0].sea.present && made.robot->joint[1].sea.present);
     import_good(MJCF("", TWO_LINKS, "<actuator><motor joint='k'/><motor tendon='t'/></actuator>"));
     assert_true(made.robot->joint[0].sea.present && made.robot->joint[1].sea.present);
+
+    /* A fixed tendon drives its joints alone */
+    import_good(MJCF("", TWO_LINKS,
+                     "<tendon><fixed name='t'><joint joint='k' coef='1'/></fixed></tendon>"
+                     "<actuator><motor tendon='t'/></actuator>"));
+    assert_true(!made.robot->joint[0].sea.present && made.robot->joint[1].sea.present);
+    assert_true(noted(IMPORT_CHANGED, 4, "tendon \"t\": each of its joints has a drive"));
+}
+
+/* All bodies are scaled, as MuJoCo does; the inertia about the joint's axis follows */
+TEST_WITH(total_mass_scales_all_bodies, open_default, close_arena)
+{
+    import_good(MJCF("<compiler settotalmass='6'/>", TWO_LINKS, ""));
+    assert_near(made.robot->total_mass, 6.0, 1e-14);
+    assert_near(made.robot->body[2].inertia.mass, 2.0, 1e-15);
+    assert_near(made.robot->body[2].inertia.I[3], 2.0, 1e-15);
+    assert_near(made.robot->body[2].inertia.com[0], 0.3, 1e-15);
+}
+
+/* MuJoCo subtracts refpos from the vertices, turns them back by refquat (here a right angle about
+ * z), and scales them; a shape that it fits to a mesh is taken as the mesh */
+TEST_WITH(meshes_are_moved_by_their_reference, open_default, close_arena)
+{
+    import_good(MJCF("<asset><mesh name='m' file='m.obj' refpos='1 2 3' refquat='1 0 0 1' "
+                     "scale='2 2 2'/></asset>",
+                     "<joint/><geom type='mesh' mesh='m' pos='0 0 1'/>\n"
+                     "<geom type='box' mesh='m' rgba='' pos='0 0 1'/>",
+                     ""));
+    for (size_t g = 0; g < 2; g++) {
+        const struct import_geometry *shape = &model.geometry[g];
+
+        assert_int_equal(shape->shape, IMPORT_MESH);
+        assert_near(shape->place.xyz[0], -4.0, 1e-15);
+        assert_near(shape->place.xyz[1], 2.0, 1e-15);
+        assert_near(shape->place.xyz[2], -5.0, 1e-15);
+        assert_near(shape->place.R[1], 1.0, 1e-15);
+    }
+    assert_true(noted(IMPORT_SHAPED, 5, "MuJoCo fits to mesh \"m\""));
 }
 
 TEST_WITH(constraints_that_are_not_active_close_no_loop, open_default, close_arena)
