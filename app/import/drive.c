@@ -368,14 +368,14 @@ static enum error_code robot_find_tipping(const struct robot *robot, const doubl
 }
 
 /* Computes the gains of a position loop for a drive, by the rules in drive.h. I: inertia of the
- * joint with other joints free, kg m2. load: gravity load of the joint, N m. tips: tipping
- * stiffness of the joint, N m/rad. */
+ * joint with other joints free, kg m2. load: gravity load of the joint, N m. times: ratio of the
+ * loop's stiffness to the load. tips: tipping stiffness of the joint, N m/rad. */
 static struct import_gains gains_choose(const struct robot_sea *sea, double I, double load,
-                                        double tips)
+                                        double times, double tips)
 {
     double own = sea->Dm + sea->Kt * sea->Kw / sea->R, most = own + sea->J / DELAYED_DAMPING_S;
     const double sticks = sea->effects ? sea->effects->coulomb / STUCK_RAD : 0.0;
-    double least = fmax(fmax(fmax(5.0 * load, UPRIGHT_TIMES * tips), 30.0 * 30.0 * I), sticks);
+    double least = fmax(fmax(times * load, UPRIGHT_TIMES * tips), fmax(30.0 * 30.0 * I, sticks));
     double K = fmin(least, 60.0 * 60.0 * I), D, stiff;
     const double holds = UPRIGHT_TIMES * fmax(load, tips);
 
@@ -420,7 +420,8 @@ enum error_code import_find_gains(const struct robot *robot, const double *joint
         double I = import_trial_inertia(&trial, j);
 
         if (robot->joint[j].sea.present && I > 0.0 && isfinite(I)) {
-            gains[j] = gains_choose(&robot->joint[j].sea, I, load[j], tips[j]);
+            gains[j] = gains_choose(&robot->joint[j].sea, I, load[j], robot->floating ? 5.0 : 20.0,
+                                    tips[j]);
         } else if (robot->joint[j].hydraulic.present) {
             /* All bodies behind the joint oscillate on its oil. If a floating robot may stand on
              * the joint, half of its mass at the end of the leg does */

@@ -45,7 +45,8 @@ struct import_gains {
 /* Computes gains from the drives, and from the inertia I of each joint in the given pose, rotor
  * included, with the other joints free.
  *
- * The stiffness K = kp N Kt / R is five times the worst gravity stiffness. If the robot stands in
+ * The stiffness K = kp N Kt / R is 20 times the worst gravity stiffness or, for a floating robot,
+ * five times, because its load is half of its weight at the end of the limb. If the robot stands in
  * the pose, K is at least 1.5 times the tipping stiffness (weight times height of the center of
  * mass above the joint, divided by the number of feet). The file's dry friction deflects the loop
  * by at most 5 mrad. K is limited to between (30 rad/s)^2 I and (60 rad/s)^2 I. Above that, the

@@ -482,6 +482,20 @@ TEST_WITH(limits_of_boards_lie_outside_the_stops, open_folder, remove_folder)
     assert_true(rig->axis[0].lower_rad == 0.0 && rig->axis[0].upper_rad == 2.0);
 }
 
+/* A short finger holds itself 20 times over, which the clamp's release moves by 50 mrad at most */
+TEST_WITH(light_links_are_held_as_stiffly_as_gravity_asks, open_folder, remove_folder)
+{
+    struct import_result result;
+    const struct robot_sea *sea;
+    const struct rig *rig;
+
+    write_arm("range='-2 2' armature='0.001'", "<position joint='j' kp='8' forcerange='-5 5'/>");
+    rig = import_arm("icub", &result);
+    sea = &result.loaded->joint[0].sea;
+    assert_near(rig->servo.gains[0].kp_v_per_rad * sea->Kt / sea->R, 20.0 * 0.55 * 9.81 * 0.1,
+                0.05);
+}
+
 /* Dry friction of the file leaves 5 mrad, within what the inertia bears: 60 rad/s */
 TEST_WITH(dry_friction_stiffens_the_loop, open_folder, remove_folder)
 {
