@@ -103,6 +103,22 @@ static void geom_measure(const struct import_reader *r, const struct import_geom
     }
 }
 
+/* Checks whether fixed joints attach a link to the world. */
+static bool link_stands_still(const struct import_model *model, int link)
+{
+    for (size_t j = model->njoint; j-- > 0;) {
+        const struct import_joint *joint = &model->joint[j];
+
+        if (joint->child_link == link) {
+            if (joint->type != IMPORT_FIXED) {
+                return false;
+            }
+            link = joint->parent_link;
+        }
+    }
+    return true;
+}
+
 /* Adds a geom's mass and inertia to a body whose inertia comes from geoms. */
 static void geom_add_inertia(const struct import_reader *r, const xmlNode *node,
                              const char *childclass, const struct import_geometry *g, bool fitted,
@@ -118,6 +134,11 @@ static void geom_add_inertia(const struct import_reader *r, const xmlNode *node,
     mjcf_reals(r, node, childclass, "density", 1, &density);
     mjcf_reals(r, node, childclass, "group", 1, &group);
     if (group < r->groups[0] || group > r->groups[1] || (by_mass ? mass == 0.0 : density == 0.0)) {
+        return;
+    }
+    if (fitted && link_stands_still(r->model, g->link)) {
+        reader_note(r, IMPORT_DROPPED, node,
+                    "mass of a geom that MuJoCo fits to a mesh: its body stands still");
         return;
     }
     if (fitted) {

@@ -840,6 +840,13 @@ TEST_WITH(meshes_are_moved_by_their_reference, open_default, close_arena)
         assert_near(shape->place.R[1], 1.0, 1e-15);
     }
     assert_true(noted(IMPORT_SHAPED, 5, "MuJoCo fits to mesh \"m\""));
+
+    /* What stands still needs no mass, and the fit is not computed */
+    import_good(
+        "<mujoco><asset><mesh name='m' file='m.obj'/></asset><worldbody><body name='base'>\n"
+        "<geom type='box' mesh='m'/><body name='a'><joint/><geom size='1'/></body></body>"
+        "</worldbody></mujoco>");
+    assert_true(noted(IMPORT_DROPPED, 2, "its body stands still"));
 }
 
 TEST_WITH(constraints_that_are_not_active_close_no_loop, open_default, close_arena)
