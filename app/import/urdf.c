@@ -277,8 +277,9 @@ static void urdf_read_limit(const struct import_reader *r, const xmlNode *node,
         xml_reals(r->file, limit, "velocity", 1, &joint->velocity);
     }
 
-    /* In URDF, a single missing limit is 0, and only joints that turn or slide have some. For a joint without
-     * limits, some tools write -1, a lower limit above the upper one, or huge limits */
+    /* In URDF, a single missing limit is 0, and only joints that turn or slide have limits. For a
+     * joint without limits, some tools write -1, a lower limit above the upper one, or huge
+     * limits */
     joint->has_limit =
         (lower || upper) && (joint->type == IMPORT_REVOLUTE || joint->type == IMPORT_PRISMATIC);
     if (!joint->has_limit && (joint->lower != 0.0 || joint->upper != 0.0)) {
