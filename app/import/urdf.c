@@ -278,12 +278,15 @@ static void urdf_read_limit(const struct import_reader *r, const xmlNode *node,
         xml_reals(r->file, limit, "velocity", 1, &joint->velocity);
     }
 
-    /* In URDF, a single missing limit is 0, and a continuous joint has none. For a joint without
-     * limits, some tools write -1, a lower limit above the upper one, or huge limits */
-    joint->has_limit = (lower || upper) && joint->type != IMPORT_CONTINUOUS;
-    if ((lower || upper) && !joint->has_limit) {
-        reader_note(r, IMPORT_DROPPED, limit, "limits %g to %g of continuous joint \"%.63s\"",
-                    joint->lower, joint->upper, joint->name);
+    /* In URDF, a single missing limit is 0, and only joints that turn or slide have limits. For a
+     * joint without limits, some tools write -1, a lower limit above the upper one, or huge
+     * limits */
+    joint->has_limit =
+        (lower || upper) && (joint->type == IMPORT_REVOLUTE || joint->type == IMPORT_PRISMATIC);
+    if (!joint->has_limit && (joint->lower != 0.0 || joint->upper != 0.0)) {
+        reader_note(r, IMPORT_DROPPED, limit,
+                    "limits %g to %g of joint \"%.63s\", whose type has none", joint->lower,
+                    joint->upper, joint->name);
         joint->lower = joint->upper = 0.0;
     }
     joint->effort = joint->effort == NO_LIMIT ? 0.0 : joint->effort;

@@ -514,7 +514,7 @@ class Mjcf {
   world() {
     const d = this.d
     this.bodies = 0
-    this.wantsFree = d.chance(0.4)
+    this.wantsFree = d.chance(0.4) || this.refused === 'fitted shape'
     this.w.open('worldbody')
     if (d.chance(0.3)) {
       this.w.leaf('geom', { type: 'plane', size: [1, 1, 0.1] })

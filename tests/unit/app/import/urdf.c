@@ -234,10 +234,10 @@ TEST_WITH(joints_without_limits_turn_for_ever, open_default, close_arena)
         {"revolute", "<limit effort='3' velocity='2'/>", "turns without limits", IMPORT_CHANGED},
         {"revolute", "<limit lower='-1e16' upper='1e16' effort='-1'/>", "mean none",
          IMPORT_CHANGED},
-        {"continuous", "<limit lower='-1e16' upper='1e16'/>", "of continuous joint \"j\"",
+        {"continuous", "<limit lower='-1e16' upper='1e16'/>", "joint \"j\", whose type has none",
          IMPORT_DROPPED},
-        {"continuous", "<limit lower='-1' upper='1'/>", "limits -1 to 1 of continuous joint \"j\"",
-         IMPORT_DROPPED},
+        {"continuous", "<limit lower='-1' upper='1'/>",
+         "limits -1 to 1 of joint \"j\", whose type has none", IMPORT_DROPPED},
     };
 
     for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
