@@ -2,11 +2,7 @@
 /* Implements one axis of a motor board and the arithmetic of its loop; see boards/axis.h. */
 #include "boards/axis.h"
 
-#include "base/portable_math.h"
 #include "boards/board_private.h"
-
-#include <math.h>
-#include <string.h>
 
 #define OVERLOAD_MS 10.0
 

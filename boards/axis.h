@@ -12,8 +12,6 @@
 #include "model/plant_io.h"
 
 #include <math.h>
-#include <stdbool.h>
-#include <stdint.h>
 
 struct board;
 struct board_axis_config;

@@ -37,8 +37,6 @@
 #include "canbus/frame.h"
 #include "model/plant_io.h"
 
-#include <stddef.h>
-
 enum board_kind {
     BOARD_MOTOR,    /* axes per address: icub 2 (BLL), foc 1 (2FOC), others 1 to 4 */
     BOARD_FT,       /* six-axis force-torque (STRAIN) */

@@ -23,12 +23,6 @@
  */
 #include "boards/board_private.h"
 
-#include "base/random.h"
-
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 enum { IDS_MAX = 32, DELAYED_MAX = 2048 };
 
 /* The last frame that was sent with an identifier. */

@@ -14,12 +14,8 @@
 #include "base/random.h"
 #include "base/ring.h"
 #include "boards/axis.h"
-#include "boards/board.h"
 #include "faults/faults.h"
 #include "boards/protocol.h"
-
-#include <math.h>
-#include <stdint.h>
 
 enum { MS = 1000000 }; /* ns per millisecond */
 

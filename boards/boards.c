@@ -6,13 +6,7 @@
 #include "boards/board_private.h"
 #include "boards/protocol_list.h"
 
-#include "base/array.h"
-#include "canbus/frame.h"
-
 #include <inttypes.h>
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
 
 size_t boards_settings(const struct boards *boards, size_t board, size_t axis)
 {

@@ -3,9 +3,6 @@
 #include "boards/messages.h"
 
 #include "boards/board_private.h"
-#include "canbus/frame.h"
-
-#include <math.h>
 
 /* ---- messages ---- */
 

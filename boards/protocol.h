@@ -11,7 +11,6 @@
 #ifndef BOARDS_PROTOCOL_H
 #define BOARDS_PROTOCOL_H
 
-#include "boards/board.h"
 #include "boards/messages.h"
 
 #include <stdio.h>

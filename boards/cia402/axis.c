@@ -6,10 +6,6 @@
  */
 #include "boards/cia402/private.h"
 
-#include "base/array.h"
-
-#include <math.h>
-
 enum command {
     COMMAND_NONE,
     COMMAND_SHUTDOWN,

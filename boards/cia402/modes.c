@@ -2,9 +2,6 @@
 /* Modes of operation of a cia402 axis: trapezoidal profiles, homing, modes and loops. */
 #include "boards/cia402/private.h"
 
-#include "base/array.h"
-
-#include <math.h>
 #include <stdlib.h>
 
 /*

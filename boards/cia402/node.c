@@ -5,10 +5,6 @@
  */
 #include "boards/cia402/private.h"
 
-#include "canbus/frame.h"
-
-#include <string.h>
-
 #define INHIBIT_UNIT_NS INT64_C(100000)
 
 enum { NODE_ID_MASK = 0x7f };

@@ -10,8 +10,6 @@
 #include "boards/board_private.h"
 #include "boards/cia402/table.h"
 
-#include <stdio.h>
-
 enum {
     CIA402_PDOS = CIA402_AXIS_PDOS * CIA402_BOARD_AXES, /* PDOs per direction */
     CIA402_HISTORY = 8,                                 /* entries in the error history 0x1003 */

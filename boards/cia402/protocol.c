@@ -2,12 +2,9 @@
 /* Describes the frames of a cia402 bus (boards/cia402/protocol.h), and the protocol as a module. */
 #include "boards/cia402/private.h"
 
-#include "base/array.h"
 #include "base/text.h"
 #include "boards/protocol_list.h"
 #include "manual/protocol_cia402.h"
-
-#include <string.h>
 
 enum { AXIS_STEP = 0x100 }; /* distance between the PDO identifiers of two axes */
 

@@ -5,10 +5,6 @@
  */
 #include "boards/cia402/private.h"
 
-#include "canbus/frame.h"
-
-#include <string.h>
-
 enum { EXPEDITED_MAX = 4, SEGMENT_MAX = 7 };
 
 /*

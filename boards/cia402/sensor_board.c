@@ -7,9 +7,6 @@
 
 #include "boards/sensing/inertial.h"
 
-#include <math.h>
-#include <string.h>
-
 enum { FRAMES_MAX = 2 + CIA402_EMERGENCIES + CIA402_AXIS_PDOS, HALF = BOARD_CHANNELS / 2 };
 
 /* First channel of each quantity of the inertial sensor. */

@@ -4,14 +4,10 @@
 #include "boards/cia402/private.h"
 #include "boards/cia402/table.h"
 
-#include "base/array.h"
 #include "base/options.h"
 #include "boards/protocol_list.h"
-#include "canbus/frame.h"
 
 #include <inttypes.h>
-#include <stdio.h>
-#include <string.h>
 
 /* clang-format off */
 #define NODE(field, ...) {CIA402_OF_NODE, offsetof(struct cia402_node, field), __VA_ARGS__}

@@ -11,7 +11,6 @@
 #include "boards/cia402/protocol.h"
 #include "boards/field.h"
 
-#include <stddef.h>
 #include <stdio.h>
 
 /* Data types, by their index in CiA 301. */

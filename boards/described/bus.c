@@ -2,8 +2,6 @@
 /* Buses with a described protocol: finds the boards and axes that receive a frame. */
 #include "boards/described/private.h"
 
-#include "canbus/frame.h"
-
 _Static_assert((int)DESCRIBED_ADDRESS_MAX == (int)BOARD_ADDRESS_MAX, "an address of its bus");
 
 /* A received frame with its row and its values. */

@@ -4,10 +4,6 @@
 #include "boards/described/protocol.h"
 
 #include "boards/axis.h"
-#include "canbus/frame.h"
-
-#include <math.h>
-#include <string.h>
 
 const char *const described_fault_names[32] = {
     "under-voltage",  "over-voltage", "over-current",   "motor encoder",   "link encoder",

@@ -5,10 +5,8 @@
 
 #include "base/array.h"
 
-#include <float.h>
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 enum error_code described_no_memory(struct described_loader *l)
 {

@@ -5,7 +5,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 /* GAP_BITS: most bits in one piece of padding; GAPS_MAX: most pieces in a frame */
 enum { GAP_BITS = 32, GAPS_MAX = 8 * DESCRIBED_LENGTH_MAX / GAP_BITS };

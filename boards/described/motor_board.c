@@ -21,9 +21,6 @@
  */
 #include "boards/described/private.h"
 
-#include <math.h>
-#include <string.h>
-
 #define TEMPERATURE_MAX_C 125.0 /* default limit */
 
 /* Returns the index of an axis on its board. */

@@ -2,11 +2,6 @@
 /* Functions common to all boards of a described protocol: telemetry period, frames, answers. */
 #include "boards/described/private.h"
 
-#include "base/hash.h"
-
-#include <math.h>
-#include <string.h>
-
 /* ---- power-up ---- */
 
 bool described_node_power_up(struct described_node *node)

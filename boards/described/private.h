@@ -7,7 +7,6 @@
 
 #include "boards/board_private.h"
 #include "boards/described/protocol.h"
-#include "boards/axis.h"
 
 struct described_node;
 

@@ -12,17 +12,11 @@
 #ifndef BOARDS_DESCRIBED_PROTOCOL_H
 #define BOARDS_DESCRIBED_PROTOCOL_H
 
-#include "base/arena.h"
-#include "base/error.h"
 #include "base/yaml.h"
 #include "boards/board.h"
 #include "boards/field.h"
-#include "canbus/frame.h"
 
 #include <endian.h>
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
 
 enum {

@@ -4,9 +4,6 @@
 #include "boards/described/private.h"
 #include "boards/sensing/inertial.h"
 
-#include <math.h>
-#include <string.h>
-
 enum { HALF = BOARD_CHANNELS / 2 };
 
 /* Powers up a sensor board (struct board_ops). */

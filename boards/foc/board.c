@@ -2,12 +2,7 @@
 /* The control laws of a 2FOC board; boards/foc/private.h describes them. */
 #include "boards/foc/private.h"
 
-#include "base/array.h"
-#include "canbus/frame.h"
-
 #include <float.h>
-#include <math.h>
-#include <string.h>
 
 /* Sets the integer gains of a law, in the scale of the bus. The law uses half of ki. */
 static void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)

@@ -5,9 +5,6 @@
 #include "boards/protocol_list.h"
 #include "manual/protocol_foc.h"
 
-#include <math.h>
-#include <string.h>
-
 /* ---- messages ---- */
 
 /* Returns the cycle of a class 1 frame. */

@@ -3,9 +3,6 @@
 #include "boards/icub/board.h"
 
 #include "base/crc32.h"
-#include "canbus/frame.h"
-
-#include <string.h>
 
 /* Appends the bytes of DATA to the line. Adds a complete line to totals, checksum and image. */
 static enum icub_line icub_loader_put(struct icub_loader *loader, const uint8_t *data, size_t size)

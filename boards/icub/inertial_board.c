@@ -10,9 +10,6 @@
  */
 #include "boards/icub/board.h"
 #include "boards/sensing/inertial.h"
-#include "boards/axis.h"
-
-#include "canbus/frame.h"
 
 enum {
     USUAL_MASK =

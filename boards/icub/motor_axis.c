@@ -3,8 +3,6 @@
  * them. */
 #include "boards/icub/motor_private.h"
 
-#include <stdio.h>
-
 /* Clamps a PWM value to a limit and to the full scale. */
 static int64_t pwm_clamp(int64_t value, int64_t limit)
 {

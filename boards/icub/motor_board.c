@@ -3,12 +3,6 @@
  * ranges. */
 #include "boards/icub/motor_private.h"
 
-#include "base/array.h"
-#include "canbus/frame.h"
-
-#include <math.h>
-#include <string.h>
-
 /* A setting: the command that sets it, and its field in the command. */
 static const struct {
     const char *name;

@@ -4,7 +4,6 @@
 #define BOARDS_ICUB_MOTOR_PRIVATE_H
 
 #include "boards/icub/board.h"
-#include "boards/axis.h"
 
 enum { MOTOR_AXES = 2 };
 

@@ -3,11 +3,9 @@
 #include "boards/icub/board.h"
 #include "boards/icub/messages.h"
 
-#include "base/array.h"
 #include "boards/protocol_list.h"
 #include "manual/protocol_icub.h"
 
-#include <stdio.h>
 #include <string.h>
 
 enum {

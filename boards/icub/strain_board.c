@@ -12,12 +12,7 @@
  * Settings in the EEPROM survive a restart; transmit mode, period and current tare do not.
  */
 #include "boards/icub/board.h"
-#include "boards/axis.h"
 
-#include "canbus/frame.h"
-
-#include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 enum { MATRIX_ONE = 32767, HALF = BOARD_CHANNELS / 2 };

@@ -6,12 +6,6 @@
  */
 #include "boards/moteus/private.h"
 
-#include "boards/axis.h"
-#include "canbus/frame.h"
-
-#include <math.h>
-#include <string.h>
-
 #define STEP_S 1e-3
 
 /* Clamps a value to +-limit. A limit of NaN does not apply. */

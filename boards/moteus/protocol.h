@@ -23,7 +23,6 @@
 
 #include "canbus/frame.h"
 
-#include <stdint.h>
 #include <string.h>
 
 enum {

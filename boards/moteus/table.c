@@ -3,10 +3,8 @@
 #include "boards/moteus/table.h"
 
 #include "base/array.h"
-#include "canbus/frame.h"
 
 #include <math.h>
-#include <string.h>
 
 /* clang-format off */
 #define SHOWN(number, name, quantity) {number, 0, name, quantity, MOTEUS_R, false, 0.0}

@@ -7,8 +7,6 @@
 #include "boards/field.h"
 #include "boards/moteus/protocol.h"
 
-#include <stdbool.h>
-
 /* Quantity of a register. It determines the scale of integer values. */
 enum moteus_quantity {
     MOTEUS_Q_NUMBER,  /* dimensionless */

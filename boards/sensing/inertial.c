@@ -6,7 +6,6 @@
 #include "base/vec3.h"
 #include "boards/axis.h"
 
-#include <math.h>
 #include <string.h>
 
 static const double GRAVITY_M_S2 = 9.81; /* assumed (D): the constant of the sensor */
