@@ -5,8 +5,6 @@
 #include "contact/lanes.h"
 #include "contact/segments.h"
 
-#include <math.h>
-
 /* Distance up to which a pair is kept in the list, m. Each surface may move by half of it before
  * the list is made again. */
 #define MARGIN 0.04

@@ -123,9 +123,6 @@
 #include "base/motion.h"
 #include "contact/mesh/mesh.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-
 #define CONTACT_MAX_BODIES 1024
 #define CONTACT_MAX_SURFACES 1024
 #define CONTACT_MAX_PAIRS 16384

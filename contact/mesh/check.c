@@ -8,7 +8,6 @@
 #include "base/vec3.h"
 
 #include <math.h>
-#include <stdbool.h>
 #include <stdlib.h>
 
 /* Minimum ratio of twice the area to the squared longest edge; a face below it is degenerate. */

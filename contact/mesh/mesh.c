@@ -3,7 +3,6 @@
 #include "contact/mesh/mesh.h"
 #include "base/vec3.h"
 
-#include <stdbool.h>
 #include <string.h>
 
 struct mesh *mesh_alloc(const char *name, size_t nvertex, size_t nface, struct arena *arena,

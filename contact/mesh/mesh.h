@@ -22,9 +22,6 @@
 #include "base/arena.h"
 #include "base/error.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-
 #define MESH_MAX_FILE_BYTES ((size_t)256 << 20)
 #define MESH_MAX_VERTICES ((size_t)1 << 19)
 #define MESH_MAX_FACES ((size_t)1 << 19) /* two meshes of this size fit into the memory of a run */

@@ -5,8 +5,6 @@
 #include "contact/mesh/solid.h"
 #include "base/vec3.h"
 
-#include <string.h>
-
 #define TIE 2.2e-14 /* relative difference up to which squared distances are equal */
 
 /* Finds the point of a triangle nearest to p, by the region of p's projection (Ericson 2005,

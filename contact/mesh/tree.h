@@ -11,9 +11,6 @@
 #include "base/arena.h"
 #include "base/error.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-
 #define TREE_DEPTH_MAX 48 /* stack size for a search; 2^32 items need 33 */
 
 /* An axis-aligned box, m. */

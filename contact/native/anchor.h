@@ -11,8 +11,6 @@
 #include "contact/contact.h"
 #include "contact/variant.h"
 
-#include <stdbool.h>
-
 struct native_anchor {
     double point[3], axis[3]; /* point, m; unit vector */
     double radius;            /* m; 0 for a patch that is a point: then there is no anchor */

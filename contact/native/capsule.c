@@ -12,7 +12,6 @@
  */
 #include "base/portable_math.h"
 #include "contact/native/narrow_phase.h"
-#include "base/vec3.h"
 
 #include <float.h>
 #include <math.h>

@@ -3,10 +3,8 @@
 #include "contact/native/clip2d.h"
 
 #include "contact/lanes.h"
-#include "base/vec3.h"
 
 #include <float.h>
-#include <stdint.h>
 
 /* Clips in one walk around the polygon (Sutherland, Hodgman 1974). */
 void clip2d_side(const struct polygon2d *in, const double *side, struct polygon2d *out)

@@ -8,8 +8,6 @@
 
 #include "contact/native/narrow_phase.h"
 
-#include <stdbool.h>
-
 /* Two stacked facets, clipped once by the depth, have at most one corner per edge and one more.
  * Rounding may add corners where edges are in line; corners beyond this limit are dropped. */
 #define POLYGON_MAX (2 * FACET_MAX_VERTICES + 8)

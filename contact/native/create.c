@@ -3,14 +3,9 @@
  * Creates the contact engine "native": prepares surfaces, computes the constants of each pair's
  * law, selects kernels, and allocates the working memory of evaluations.
  */
-#include "base/portable_math.h"
 #include "contact/native/private.h"
 #include "contact/mesh/solid_store.h"
 #include "base/instruction_set.h"
-#include "base/vec3.h"
-
-#include <math.h>
-#include <string.h>
 
 static enum error_code native_no_memory(struct error *error)
 {

@@ -21,13 +21,8 @@
  */
 #include "contact/lanes.h"
 #include "contact/native/clip2d.h"
-#include "base/vec3.h"
 
 #include <float.h>
-#include <math.h>
-#include <stdbool.h>
-#include <stdint.h>
-#include <string.h>
 
 /* A facet up to this size, relative to the smaller mesh, has only three springs. A side with four
  * corners has springs that are no closer to each other. */

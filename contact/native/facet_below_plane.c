@@ -9,9 +9,6 @@
 
 #include "contact/lanes.h"
 #include "contact/native/friction_sums.h"
-#include "base/vec3.h"
-
-#include <float.h>
 
 /* Lanes: the weights of a spring. */
 enum { WEIGHT_NORMAL, WEIGHT_STIFFNESS, WEIGHT_DAMPING, WEIGHT_AREA };

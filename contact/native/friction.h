@@ -10,7 +10,6 @@
 
 #include "contact/friction_slope.h"
 #include "contact/lanes.h"
-#include "contact/native/law.h"
 #include "contact/native/friction_sums.h"
 
 #include <float.h>

@@ -7,13 +7,9 @@
  * frame; the twist is equal for both surfaces. docs/contact.md explains the law.
  */
 #include "contact/native/anchor.h"
-#include "contact/native/moments.h"
 #include "contact/native/private.h"
-#include "base/vec3.h"
 
 #include <float.h>
-#include <math.h>
-#include <string.h>
 
 #define DELAY_S 0.5e-3 /* t_d, retardation: damping over stiffness of the bristles */
 #define YIELD_S 0.5e-3 /* t_y, time constant of yielding and of relaxing */

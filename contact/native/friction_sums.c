@@ -7,7 +7,6 @@
 
 #include "contact/native/friction.h"
 #include "contact/native/moments_sum.h"
-#include "base/vec3.h"
 
 /* ---- springs that all push in one direction ---- */
 

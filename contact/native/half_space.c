@@ -4,10 +4,8 @@
  * the penetration there. The undamped force is the stiffness times the penetration volume for any
  * triangulation of the mesh.
  */
-#include "contact/native/narrow_phase.h"
 #include "contact/native/clip2d.h"
 #include "contact/native/facet_below_plane.h"
-#include "base/vec3.h"
 
 #include <float.h>
 #include <string.h>

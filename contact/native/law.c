@@ -7,12 +7,9 @@
  */
 #include "contact/native/law.h"
 
-#include "contact/lanes.h"
 #include "contact/native/friction.h"
 #include "contact/native/narrow_phase.h"
-#include "contact/native/friction_sums.h"
 #include "contact/native/moments_sum.h"
-#include "base/vec3.h"
 
 /* Pads the batch to a full set of lanes with springs that exert no force. */
 static void batch_pad(struct native_batch *b)

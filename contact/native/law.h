@@ -11,9 +11,6 @@
 #include "contact/contact.h"
 #include "contact/variant.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-
 /* Springs in a batch: a multiple of each number of lanes, but not of a large power of two, since
  * then all arrays would share the same cache lines. */
 #define BATCH_MAX 1032

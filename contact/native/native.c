@@ -6,12 +6,9 @@
  * world frame.
  */
 #include "contact/native/private.h"
-#include "base/vec3.h"
 #include "contact/lanes.h"
 
-#include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 #define BRISTLE_MOST 1e9 /* J^0.5, largest accepted bristle state */
 

@@ -13,13 +13,8 @@
  */
 #include "contact/lanes.h"
 #include "contact/native/clip2d.h"
-#include "contact/native/narrow_phase.h"
-#include "base/vec3.h"
 
 #include <float.h>
-#include <stdbool.h>
-#include <stdint.h>
-#include <string.h>
 
 /* Largest distance between springs, over the radius of the smaller mesh. */
 #define SPACING 0.6

@@ -8,7 +8,6 @@
 #define CONTACT_NATIVE_PRIVATE_H
 
 #include "contact/broad_phase.h"
-#include "contact/contact.h"
 #include "contact/native/narrow_phase.h"
 #include "contact/native/friction_sums.h"
 

@@ -12,10 +12,7 @@
  */
 #include "base/portable_math.h"
 #include "contact/native/narrow_phase.h"
-#include "base/vec3.h"
 
-#include <float.h>
-#include <stdbool.h>
 #include <string.h>
 
 #define PI 3.14159265358979323846

@@ -9,8 +9,6 @@
  * CMakeLists.txt in this folder gives the reason.
  */
 extern "C" {
-#include "base/arena.h"
-#include "contact/contact.h"
 #include "contact/friction_slope.h"
 #include "contact/simbody/module.h"
 #include "contact/tangent.h"
