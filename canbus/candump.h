@@ -12,7 +12,6 @@
 #include "base/error.h"
 #include "canbus/frame.h"
 
-#include <stddef.h>
 #include <stdio.h>
 
 enum { CANDUMP_LINE_MAX = 256 };

@@ -5,7 +5,6 @@
 
 #include "base/array.h"
 #include "base/text.h"
-#include "canbus/frame.h"
 
 #include <errno.h>
 #include <inttypes.h>

@@ -22,9 +22,6 @@
 #include "base/error.h"
 #include "canbus/frame.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 
 enum {

@@ -29,11 +29,7 @@
 #ifndef CANBUS_GATEWAY_H
 #define CANBUS_GATEWAY_H
 
-#include "base/arena.h"
-#include "base/error.h"
 #include "canbus/port.h"
-
-#include <stdint.h>
 
 enum {
     GATEWAY_BUSES = 64,

@@ -3,7 +3,6 @@
 #include "canbus/gateway_private.h"
 
 #include "base/listen.h"
-#include "canbus/slcan.h"
 
 #include <errno.h>
 #include <fcntl.h>

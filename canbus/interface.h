@@ -12,7 +12,6 @@
 #ifndef CANBUS_INTERFACE_H
 #define CANBUS_INTERFACE_H
 
-#include "base/error.h"
 #include "canbus/link.h"
 #include "canbus/port.h"
 

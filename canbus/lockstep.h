@@ -16,9 +16,6 @@
 
 #include "canbus/frame.h"
 
-#include <stdbool.h>
-#include <stdint.h>
-
 /* Default identifiers, and the length of both frames. */
 enum { LOCKSTEP_STEP_ID = 0x6f0, LOCKSTEP_DONE_ID = 0x6ff, LOCKSTEP_LENGTH = 6 };
 

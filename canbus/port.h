@@ -11,8 +11,6 @@
 #include "base/error.h"
 #include "canbus/frame.h"
 
-#include <stddef.h>
-
 enum can_port_state {
     CAN_PORT_UP,      /* carrying frames (error active, or a bus without controller states) */
     CAN_PORT_WARNING, /* controller in error warning */

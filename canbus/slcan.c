@@ -4,8 +4,6 @@
 
 #include "base/array.h"
 
-#include <string.h>
-
 /* Letters of frames with their flags. */
 static const struct slcan_letter {
     char letter;

@@ -16,8 +16,6 @@
 
 #include "canbus/frame.h"
 
-#include <stddef.h>
-
 enum slcan_command {
     SLCAN_FRAME,     /* frame */
     SLCAN_BIT_RATE,  /* value: bit/s */

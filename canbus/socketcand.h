@@ -19,8 +19,6 @@
 
 #include "canbus/frame.h"
 
-#include <stddef.h>
-
 enum socketcand_command {
     SOCKETCAND_OPEN,
     SOCKETCAND_RAWMODE,

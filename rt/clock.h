@@ -9,7 +9,6 @@
 #include "base/arena.h"
 
 #include <poll.h>
-#include <stddef.h>
 #include <stdint.h>
 
 #define CLOCK_MS INT64_C(1000000)

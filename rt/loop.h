@@ -66,10 +66,6 @@
 #include "rt/requests.h"
 #include "rt/timing.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 enum loop_phase {
     PHASE_WAIT,
     PHASE_RECEIVE,

@@ -4,7 +4,6 @@
 #include "rt/loop_private.h"
 
 #include <stdio.h>
-#include <string.h>
 
 const struct word loop_clock_words[] = {{"real", LOOP_CLOCK_REAL},
                                         {"lockstep", LOOP_CLOCK_LOCKSTEP},

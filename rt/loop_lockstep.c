@@ -4,8 +4,6 @@
  * STEP is valid. */
 #include "rt/loop_private.h"
 
-#include <string.h>
-
 /* ---- frames held back ---- */
 
 void loop_deliver_held(struct loop *loop)

@@ -50,8 +50,6 @@
 #include "base/arena.h"
 #include "base/error.h"
 
-#include <stdbool.h>
-#include <stddef.h>
 #include <stdint.h>
 
 enum { CHECKPOINT_SLOTS = 4 }; /* number of checkpoint slots; slot 0 is the start */

@@ -10,7 +10,6 @@
 #include "base/arena.h"
 
 #include <stdatomic.h>
-#include <stddef.h>
 #include <stdint.h>
 
 enum { SNAPSHOT_GAPS = 8 };

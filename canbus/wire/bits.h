@@ -16,8 +16,6 @@
 
 #include "canbus/frame.h"
 
-#include <stddef.h>
-
 enum {
     WIRE_INTERMISSION_BITS = 3,
     WIRE_EOF_BITS = 7,

@@ -2,8 +2,6 @@
 /* Creates a wire and advances its time: arbitration, reception, late frames, recovery. */
 #include "canbus/wire/private.h"
 
-#include <string.h>
-
 /* ---- creation ---- */
 
 enum { QUEUE_MAX = 4096, FOREIGN_QUEUE = 1 };

@@ -35,8 +35,6 @@
 #include "base/error.h"
 #include "canbus/frame.h"
 
-#include <stddef.h>
-
 enum {
     WIRE_NODES_MAX = 63,
     WIRE_FAULTS_MAX = 16,

@@ -11,8 +11,6 @@
 #include "base/error.h"
 
 #include <stdatomic.h>
-#include <stdbool.h>
-#include <stddef.h>
 #include <stdint.h>
 
 enum { LINE_FILE_PATH = 4096 };

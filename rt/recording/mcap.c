@@ -4,7 +4,6 @@
 
 #include "base/crc32.h"
 
-#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <zstd.h>

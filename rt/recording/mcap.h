@@ -11,7 +11,6 @@
 #include "base/arena.h"
 #include "base/error.h"
 
-#include <stddef.h>
 #include <stdint.h>
 
 enum {

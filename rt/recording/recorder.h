@@ -45,9 +45,6 @@
 #include "base/enum_names.h"
 #include "canbus/frame.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-
 /* Name of the summary file that a program writes beside its recording at the end. */
 #define RECORDER_SUMMARY "summary.json"
 

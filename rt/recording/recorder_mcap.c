@@ -8,7 +8,6 @@
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 /* JSON Schemas of the channels. The foxglove.* schemas describe only the fields that the recorder
  * writes. */
