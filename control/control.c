@@ -3,8 +3,6 @@
 #include "control/private.h"
 
 #include <errno.h>
-#include <poll.h>
-#include <string.h>
 #include <sys/eventfd.h>
 #include <unistd.h>
 

@@ -11,7 +11,6 @@
 
 #include <jansson.h>
 #include <signal.h>
-#include <stdbool.h>
 
 struct ctl_client {
     int socket;

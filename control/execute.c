@@ -5,8 +5,6 @@
 #include "base/text.h"
 
 #include <math.h>
-#include <stdio.h>
-#include <string.h>
 
 enum { KEY_STOP = 16 }; /* key of a log line */
 

@@ -7,7 +7,6 @@
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 enum {
     ROWS_A_TURN = 1024, /* capacity of the stream, so that one turn can send all waiting rows */

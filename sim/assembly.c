@@ -1,12 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Creates the parts of a simulator from its configuration; each part uses earlier ones. */
 #include "base/array.h"
-#include "base/memory_file.h"
 #include "base/ring.h"
 #include "canbus/replay_port.h"
 #include "model/symbolic/symbolic.h"
 #include "rig/client_table.h"
-#include "rig/rig.h"
 #include "sim/simulator_private.h"
 
 #include <inttypes.h>

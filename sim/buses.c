@@ -7,7 +7,6 @@
 #include "sim/interfaces.h"
 
 #include <errno.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/socket.h>

@@ -10,9 +10,6 @@
 #include "canbus/port.h"
 #include "rig/rig.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-
 enum bus_transport {
     TRANSPORT_AUTO, /* socketcan if the kernel has CAN, else local */
     TRANSPORT_SOCKETCAN,

@@ -11,8 +11,6 @@
 #include "base/arena.h"
 #include "base/error.h"
 
-#include <stddef.h>
-
 struct span {
     void *memory;
     size_t size;

@@ -4,7 +4,6 @@
 
 #include "base/vec3.h"
 #include "rt/clock.h"
-#include "rt/recording/recorder.h"
 
 #include <inttypes.h>
 #include <math.h>

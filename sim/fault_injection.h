@@ -9,7 +9,6 @@
 #define SIM_FAULT_INJECTION_H
 
 #include "faults/faults.h"
-#include "rig/rig.h"
 #include "sim/buses.h"
 
 struct fault_injection_config {

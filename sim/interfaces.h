@@ -18,12 +18,7 @@
 #define SIM_INTERFACES_H
 
 #include "canbus/interface.h"
-#include "rig/rig.h"
 #include "sim/buses.h"
-
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 
 enum { INTERFACES_RESTARTS = 10, INTERFACES_EVENT_TEXT = 256 };
 

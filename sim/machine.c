@@ -3,8 +3,6 @@
 #include "canbus/wire/wire.h"
 #include "sim/simulator_private.h"
 
-#include <stdio.h>
-
 /* Brakes hold the rotors of a settled robot. They open this long after the last motor is on, so
  * that the controller's first voltages can build up the currents. */
 #define BRAKE_NS INT64_C(20000000)

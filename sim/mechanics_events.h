@@ -27,10 +27,6 @@
 #include "model/plant.h"
 #include "rig/rig.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 /* Depth from which a joint counts as past its limit, and distance within its range that ends the
  * event, rad or m. */
 #define WATCH_PAST 1e-4

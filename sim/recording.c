@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Records a run: rows of signals and body poses, frames of the wires, events. */
 #include "model/spatial.h"
-#include "rt/recording/recorder.h"
 #include "sim/contact_arrows.h"
 #include "sim/scene_message.h"
 #include "sim/simulator_private.h"

@@ -20,7 +20,6 @@
 #include "boards/sensing/sensing.h"
 #include "model/plant.h"
 #include "rt/request_machine.h"
-#include "sim/buses.h"
 #include "sim/checkpoint.h"
 #include "sim/fault_injection.h"
 #include "tasks/task.h"

@@ -4,7 +4,6 @@
 
 #include "base/array.h"
 
-#include <stdio.h>
 #include <string.h>
 
 enum {

@@ -10,17 +10,11 @@
 #include "base/journal.h"
 #include "canbus/gateway.h"
 #include "model/settle.h"
-#include "rig/rig.h"
 #include "rt/loop.h"
 #include "rt/realtime.h"
-#include "rt/snapshot.h"
 #include "rt/stream.h"
 #include "sim/buses.h"
 #include "sim/task_runner.h"
-
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 
 enum {
     SIMULATOR_FREE_MAX = 16,

@@ -10,9 +10,7 @@
 
 #include "base/memory_file.h"
 #include "model/dynamics.h"
-#include "rt/clock.h"
 #include "sim/external.h"
-#include "sim/fault_injection.h"
 #include "sim/interfaces.h"
 #include "sim/mechanics_events.h"
 #include "sim/robot_requests.h"
@@ -20,7 +18,6 @@
 #include "sim/stimulus.h"
 
 #include <pthread.h>
-#include <stdatomic.h>
 
 /* The release of a clamped robot. */
 struct release {

@@ -5,7 +5,6 @@
 #include "base/json_text.h"
 #include "base/whole_file.h"
 #include "canbus/wire/wire.h"
-#include "rt/recording/recorder.h"
 
 #include <inttypes.h>
 #include <limits.h>

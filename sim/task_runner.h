@@ -13,7 +13,6 @@
 #include "tasks/task.h"
 
 #include <stdatomic.h>
-#include <stdbool.h>
 
 struct task_runner_status {
     int64_t status;    /* enum task_status */

@@ -11,10 +11,7 @@
 #ifndef TASKS_ESTIMATE_H
 #define TASKS_ESTIMATE_H
 
-#include "tasks/body_model.h"
 #include "tasks/host.h"
-
-#include <stdbool.h>
 
 struct estimate_foot {
     struct body_pose sole; /* pose of the sole in the world */

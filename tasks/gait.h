@@ -14,10 +14,7 @@
 #ifndef TASKS_GAIT_H
 #define TASKS_GAIT_H
 
-#include "tasks/body_model.h"
 #include "tasks/task.h"
-
-#include <stdbool.h>
 
 /* The command: velocities in the robot's heading. */
 struct gait_command {

@@ -10,8 +10,6 @@
 
 #include "tasks/task.h"
 
-#include <stdbool.h>
-
 struct host;
 
 enum host_phase {

@@ -14,10 +14,6 @@
 #include "canbus/port.h"
 #include "tasks/body_model.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 /* Data for 2FOC boards. The host sends motor data and limits to the boards. It computes the link's
  * angle from the rotor's angle. */
 struct host_drive {

@@ -7,7 +7,6 @@
 #ifndef TASKS_TASK_PRIVATE_H
 #define TASKS_TASK_PRIVATE_H
 
-#include "tasks/host.h"
 #include "tasks/servo.h"
 
 #include <stdatomic.h>

@@ -12,9 +12,6 @@
 #include "base/arena.h"
 #include "base/csv.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-
 enum trajectory_interpolation { TRAJECTORY_CUBIC, TRAJECTORY_LINEAR };
 
 /* Limits of a joint. */

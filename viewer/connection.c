@@ -2,11 +2,8 @@
 /* Serves the connections of the page's server: input, output, and disconnection. */
 #include "viewer/private.h"
 
-#include "rt/clock.h"
-
 #include <errno.h>
 #include <netinet/in.h>
-#include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
 

@@ -4,8 +4,6 @@
 
 #include "rig/dbc.h"
 
-#include <string.h>
-
 #define MEMORY ((size_t)64 << 20) /* reserved address space */
 
 /* Lists the names of a signal's values, by number. */

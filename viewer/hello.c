@@ -7,9 +7,6 @@
 #include "base/array.h"
 #include "base/vec3.h"
 #include "boards/protocol.h"
-#include "control/parse.h"
-
-#include <string.h>
 
 static json_t *hello_numbers(const double *value, size_t count)
 {

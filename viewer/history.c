@@ -3,7 +3,6 @@
 #include "viewer/history.h"
 
 #include <math.h>
-#include <stdbool.h>
 #include <string.h>
 
 /* Values of a column's slot if the column is not in the pool. */

@@ -19,7 +19,6 @@
 #include "base/arena.h"
 #include "base/error.h"
 
-#include <stddef.h>
 #include <stdint.h>
 
 enum {

@@ -7,7 +7,6 @@
 #include "base/text.h"
 
 #include <stdio.h>
-#include <string.h>
 #include <strings.h>
 
 extern const unsigned char viewer_page_begin[], viewer_page_end[];

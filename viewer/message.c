@@ -3,14 +3,11 @@
  * line, over a connection of this client. The answer becomes a message. */
 #include "viewer/private.h"
 
-#include "control/parse.h"
 #include "control/socket.h"
-#include "rt/clock.h"
 #include "viewer/message.h"
 
 #include <errno.h>
 #include <fcntl.h>
-#include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
 

@@ -11,8 +11,6 @@
 #include "canbus/frame.h"
 
 #include <jansson.h>
-#include <stdbool.h>
-#include <stddef.h>
 
 enum viewer_command {
     VIEWER_ENTER,   /* passes the token */

@@ -2,8 +2,6 @@
 /* Plays a recording; each client has its own time in it. */
 #include "viewer/private.h"
 
-#include "rt/clock.h"
-
 #include <math.h>
 #include <stdio.h>
 #include <unistd.h>

@@ -9,8 +9,6 @@
 #ifndef VIEWER_PRIVATE_H
 #define VIEWER_PRIVATE_H
 
-#include "base/arena.h"
-#include "sim/simulator.h"
 #include "viewer/history.h"
 #include "viewer/message.h"
 #include "viewer/recorded.h"
@@ -18,7 +16,6 @@
 #include "viewer/viewer.h"
 #include "viewer/websocket.h"
 
-#include <jansson.h>
 #include <pthread.h>
 #include <string.h>
 

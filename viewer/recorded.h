@@ -13,10 +13,6 @@
 #include "base/error.h"
 #include "canbus/frame.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 /* ---- a file ---- */
 
 struct recorded_file {

@@ -3,13 +3,10 @@
  * waits for open pages. */
 #include "viewer/private.h"
 
-#include "control/parse.h"
 #include "base/array.h"
-#include "rt/clock.h"
 
 #include <limits.h>
 #include <stdio.h>
-#include <string.h>
 #include <time.h>
 
 #define LINGER_SLICE_NS (50 * CLOCK_MS)

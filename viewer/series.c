@@ -8,7 +8,6 @@
 #include "base/text.h"
 
 #include <math.h>
-#include <string.h>
 
 /* A request: signals, range of rows, and the reduction to points. */
 struct series {

@@ -4,14 +4,11 @@
 #include "viewer/private.h"
 
 #include "base/listen.h"
-#include "rt/clock.h"
 
 #include <errno.h>
 #include <netinet/in.h>
-#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 #include <sys/eventfd.h>
 #include <sys/random.h>
 #include <sys/socket.h>

@@ -2,12 +2,10 @@
 /* Writes states: binary messages with the values of one time. docs/page.md has the layout. */
 #include "base/text.h"
 #include "base/vec3.h"
-#include "rt/clock.h"
 #include "viewer/private.h"
 
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 enum {
     STATE_KIND = 1,

@@ -10,7 +10,6 @@
 #include "base/text.h"
 
 #include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 const struct viewer_file *viewer_mesh_file(struct viewer *viewer, size_t surface)

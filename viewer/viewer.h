@@ -31,10 +31,6 @@
 #include "sim/buses.h"
 #include "sim/simulator.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 enum {
     VIEWER_CLIENTS = 32, /* maximum number of connections */
     VIEWER_ENTERED = 16, /* maximum number of clients with a token, */
