@@ -10,11 +10,8 @@
 #define BASE_CONFIG_H
 
 #include "base/arena.h"
-#include "base/error.h"
 
 #include <limits.h>
-#include <stdbool.h>
-#include <stddef.h>
 
 enum config_kind {
     CONFIG_RIG,

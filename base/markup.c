@@ -4,8 +4,6 @@
 
 #include "base/text.h"
 
-#include <stdbool.h>
-#include <stddef.h>
 #include <string.h>
 
 enum { UTF8_MAX = 4 /* longest character, bytes */ };

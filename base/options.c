@@ -6,7 +6,6 @@
 #include "base/journal.h"
 #include "base/text.h"
 
-#include <stdint.h>
 #include <string.h>
 
 enum { MAX_NAMES = 64, WIDTH = 80, HELP_COLUMN = 24 };

@@ -26,7 +26,6 @@
 #include "base/enum_names.h"
 
 #include <stdbool.h>
-#include <stddef.h>
 #include <stdio.h>
 
 /* The exit statuses of the program. */

@@ -6,7 +6,6 @@
 #include "base/options.h"
 #include "base/text.h"
 
-#include <stdbool.h>
 #include <string.h>
 #include <sys/resource.h>
 

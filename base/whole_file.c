@@ -12,7 +12,6 @@
 #include <limits.h>
 #include <string.h>
 #include <sys/random.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 /* Returns the last component of a path. */

@@ -10,11 +10,7 @@
 #define BASE_YAML_H
 
 #include "base/arena.h"
-#include "base/error.h"
 #include "base/enum_names.h"
-
-#include <stdbool.h>
-#include <stddef.h>
 
 struct yaml_key;
 

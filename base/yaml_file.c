@@ -5,10 +5,8 @@
 #include "base/text.h"
 #include "base/yaml_tree.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 enum { MAX_CHAIN = 256 /* longest chain of base files; it limits the stack */ };
 

@@ -2,7 +2,6 @@
 /*
  * Applies a schema to the nodes of a YAML document and fills structs.
  */
-#include "base/yaml.h"
 
 #include "base/input_file.h"
 #include "base/text.h"
@@ -10,8 +9,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <stdint.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

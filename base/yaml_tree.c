@@ -7,8 +7,6 @@
 
 #include "base/text.h"
 
-#include <stdint.h>
-#include <stdio.h>
 #include <string.h>
 #include <yaml.h>
 

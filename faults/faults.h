@@ -47,8 +47,6 @@
 #include "base/arena.h"
 #include "base/error.h"
 
-#include <stdbool.h>
-#include <stddef.h>
 #include <stdint.h>
 
 enum fault_target {

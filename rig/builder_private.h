@@ -6,7 +6,6 @@
 #ifndef RIG_BUILDER_PRIVATE_H
 #define RIG_BUILDER_PRIVATE_H
 
-#include "rig/rig.h"
 #include "rig/schema.h"
 
 /* The torque board that sends a joint's torque. */

@@ -4,7 +4,6 @@
 #include "rig/client_table.h"
 
 #include "base/array.h"
-#include "base/portable_math.h"
 #include "boards/cia402/protocol.h"
 #include "boards/described/protocol.h"
 #include "boards/foc/protocol.h"

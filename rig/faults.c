@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Reads the faults in a rig file and on the command line. Faults use the names of the rig. */
-#include "rig/rig.h"
 
 #include "rig/builder_private.h"
 

@@ -10,7 +10,6 @@
 #include "base/hash.h"
 #include "base/text.h"
 #include "boards/protocol_list.h"
-#include "contact/mesh/mesh.h"
 #include "model/drives/effects.h"
 #include "rig/builder_private.h"
 #include "base/config.h"

@@ -23,10 +23,6 @@
 #include "tasks/task.h"
 #include "tasks/trajectory.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 /* Limits of a rig: buses, movable joints of the robot, and bodies with contact surfaces. */
 enum { RIG_BUSES_MAX = 32, RIG_JOINTS_MAX = 128, RIG_CONTACTS_MAX = 128 };
 

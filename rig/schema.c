@@ -3,10 +3,8 @@
  * rig/sensors.c has the keys of the section `sensors`. */
 #include "rig/schema.h"
 
-#include "base/array.h"
 #include "canbus/lockstep.h"
 #include "base/config.h"
-#include "rig/rig.h"
 #include "rt/recording/recorder.h"
 
 #include <float.h>
