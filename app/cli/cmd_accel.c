@@ -5,10 +5,8 @@
  */
 #include "app/cli/cli.h"
 
-#include "base/arena.h"
 #include "base/text.h"
 #include "manual/accel.h"
-#include "model/dynamics.h"
 
 #include <errno.h>
 #include <math.h>

@@ -6,7 +6,6 @@
 #include "manual/bench.h"
 
 #include <errno.h>
-#include <limits.h>
 #include <string.h>
 #include <unistd.h>
 

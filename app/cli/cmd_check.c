@@ -2,7 +2,6 @@
 /* coman-hil check: prints the contents of a rig or robot file, or its errors. */
 #include "app/cli/cli.h"
 
-#include "boards/board.h"
 #include "boards/protocol.h"
 #include "manual/check.h"
 

@@ -2,7 +2,6 @@
 /* coman-hil generate: writes the C code of a robot's dynamics. */
 #include "app/cli/cli.h"
 
-#include "base/arena.h"
 #include "base/whole_file.h"
 #include "manual/generate.h"
 #include "model/symbolic/symbolic.h"

@@ -2,12 +2,8 @@
 /* coman-hil list: lists rigs, robots, tasks and other names that commands accept. */
 #include "app/cli/cli.h"
 #include "app/scenario/scenario.h"
-#include "base/arena.h"
 #include "base/config.h"
-#include "base/yaml.h"
 #include "manual/list.h"
-#include "model/robot.h"
-#include "tasks/task.h"
 
 #include <string.h>
 

@@ -9,7 +9,6 @@
 #include "manual/plot.h"
 
 #include <fnmatch.h>
-#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>

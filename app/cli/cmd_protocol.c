@@ -2,7 +2,6 @@
 /* coman-hil protocol: prints the frames of a board protocol. */
 #include "app/cli/cli.h"
 
-#include "base/arena.h"
 #include "base/array.h"
 #include "base/config.h"
 #include "base/text.h"

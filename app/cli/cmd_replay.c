@@ -4,22 +4,15 @@
 #include "app/cli/cli.h"
 #include "app/scenario/scenario.h"
 #include "base/input_file.h"
-#include "base/journal.h"
 #include "base/text.h"
 #include "canbus/candump.h"
-#include "canbus/port.h"
 #include "manual/replay.h"
-#include "rt/clock.h"
-#include "rt/histogram.h"
-#include "rt/recording/recorder.h"
 
 #include <errno.h>
 #include <inttypes.h>
 #include <jansson.h>
-#include <limits.h>
 #include <math.h>
 #include <semaphore.h>
-#include <stdatomic.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>

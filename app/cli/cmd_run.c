@@ -2,7 +2,6 @@
 /* coman-hil run: runs a rig from start to summary. */
 #include "app/cli/cli.h"
 
-#include "base/journal.h"
 #include "canbus/candump.h"
 #include "sim/stimulus.h"
 #include "sim/summary.h"

@@ -8,7 +8,6 @@
 #include "base/input_file.h"
 #include "base/whole_file.h"
 #include "manual/test.h"
-#include "rt/clock.h"
 
 #include <stdlib.h>
 #include <string.h>

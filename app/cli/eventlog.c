@@ -2,8 +2,6 @@
 /* Limits the rate of log lines. */
 #include "app/cli/cli.h"
 
-#include "rt/clock.h"
-
 /* Longest window for the summary of a flood. */
 #define WINDOW_MAX_NS (60 * CLOCK_SECOND)
 

@@ -2,8 +2,6 @@
 /* Prints events and the status line in a thread. */
 #include "app/cli/cli.h"
 
-#include "base/journal.h"
-
 #include <string.h>
 #include <time.h>
 

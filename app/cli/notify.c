@@ -2,8 +2,6 @@
 /* The protocol of sd_notify(3): lines of KEY=VALUE in datagrams to a unix socket. */
 #include "app/cli/cli.h"
 
-#include "rt/clock.h"
-
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

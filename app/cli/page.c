@@ -3,10 +3,8 @@
 #include "app/cli/cli.h"
 
 #include "sim/summary.h"
-#include "base/journal.h"
 
 #include <inttypes.h>
-#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -3,13 +3,10 @@
 #include "app/cli/cli.h"
 
 #include "base/input_file.h"
-#include "base/journal.h"
 #include "base/whole_file.h"
-#include "rt/recording/recorder.h"
 
 #include <inttypes.h>
 #include <jansson.h>
-#include <limits.h>
 #include <string.h>
 
 /* Writes the words of an image, low byte first. */

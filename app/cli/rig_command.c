@@ -3,12 +3,10 @@
 #include "app/cli/cli.h"
 
 #include "base/array.h"
-#include "base/journal.h"
 #include "base/config.h"
 #include "contact/mesh/solid_store.h"
 
 #include <signal.h>
-#include <stdatomic.h>
 #include <time.h>
 
 int rig_command(const char *name, const char *path, void *options,

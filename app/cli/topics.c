@@ -3,12 +3,10 @@
 #include "app/cli/cli.h"
 #include "app/scenario/scenario.h"
 #include "boards/protocol_list.h"
-#include "faults/faults.h"
 #include "manual/board.h"
 #include "manual/fault.h"
 #include "manual/rt.h"
 #include "manual/signal.h"
-#include "rt/loop.h"
 
 #include <inttypes.h>
 #include <string.h>

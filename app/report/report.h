@@ -10,14 +10,10 @@
 #define APP_REPORT_REPORT_H
 
 #include "app/report/svg.h"
-#include "base/error.h"
 #include "base/memory_file.h"
 #include "base/whole_file.h"
 
 #include <limits.h>
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdio.h>
 
 enum { REPORT_SECTIONS_MAX = 24, REPORT_FINDINGS_MAX = 96, REPORT_PANELS_MAX = 8 };
 

@@ -5,7 +5,6 @@
 #include "base/csv.h"
 #include "base/text.h"
 
-#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

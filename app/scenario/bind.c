@@ -2,8 +2,6 @@
 /* Looks up the names of a scenario in its rig. */
 #include "app/scenario/private.h"
 
-#include "rig/rig.h"
-
 #include <string.h>
 
 enum { NAMES_MAX = 256 };

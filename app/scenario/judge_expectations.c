@@ -7,8 +7,6 @@
 
 #include <float.h>
 #include <inttypes.h>
-#include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 /* State of an expectation: before its window, in its window, or decided. */

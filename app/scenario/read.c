@@ -4,13 +4,11 @@
 #include "app/scenario/private.h"
 
 #include "base/config.h"
-#include "base/array.h"
 #include "base/hash.h"
 #include "base/input_file.h"
 #include "base/text.h"
 
 #include <limits.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>

@@ -2,7 +2,6 @@
 /* Judges the outcomes of runs. */
 #include "app/scenario/jobs.h"
 
-#include <stdio.h>
 #include <string.h>
 
 /* Composes the name of a result: scenario, values of the parameters, a text and a name. */

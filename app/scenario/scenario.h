@@ -27,9 +27,6 @@
 #include "canbus/frame.h"
 #include "rig/rig.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 
 enum {

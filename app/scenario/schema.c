@@ -2,8 +2,6 @@
 /* Declares the keys of a scenario file. */
 #include "app/scenario/private.h"
 
-#include "base/array.h"
-
 #include <float.h>
 
 #define AT(type, member) offsetof(struct type, member)

@@ -2,7 +2,6 @@
 /* Executes the stimuli of a scenario, tick by tick. */
 #include "app/scenario/private.h"
 
-#include <stdio.h>
 #include <string.h>
 
 static const double REFRESH_S = 0.01; /* period at which a voltage is set again */

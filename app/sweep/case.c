@@ -5,7 +5,6 @@
 #include "base/hash.h"
 #include "base/input_file.h"
 #include "base/whole_file.h"
-#include "base/yaml.h"
 #include "contact/mesh/solid_store.h"
 
 #include <elf.h>

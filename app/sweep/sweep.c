@@ -7,8 +7,6 @@
 #include "base/text.h"
 
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 
 /* Default limits of a normal distribution, in standard deviations from the mean. */
 #define SWEEP_NORMAL_END 6.0

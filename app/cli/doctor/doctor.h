@@ -13,9 +13,6 @@
 #include "rig/rig.h"
 #include "rt/clock.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-
 enum doctor_verdict {
     DOCTOR_OK,
     DOCTOR_WARN, /* possible, but deadlines may be missed */
