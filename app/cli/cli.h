@@ -20,31 +20,14 @@
 
 #include <limits.h>
 #include <pthread.h>
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 
-int cmd_accel(int argc, char **argv);
-int cmd_bench(int argc, char **argv);
-int cmd_check(int argc, char **argv);
-int cmd_ctl(int argc, char **argv);
-int cmd_dbc(int argc, char **argv);
-int cmd_doctor(int argc, char **argv);
-int cmd_eds(int argc, char **argv);
-int cmd_generate(int argc, char **argv);
-int cmd_identify(int argc, char **argv);
-int cmd_import(int argc, char **argv);
-int cmd_list(int argc, char **argv);
-int cmd_plot(int argc, char **argv);
-int cmd_protocol(int argc, char **argv);
-int cmd_replay(int argc, char **argv);
-int cmd_run(int argc, char **argv);
-int cmd_task(int argc, char **argv);
-int cmd_test(int argc, char **argv);
-int cmd_validate(int argc, char **argv);
+typedef int command_main(int argc, char **argv);
+command_main cmd_accel, cmd_bench, cmd_check, cmd_ctl, cmd_dbc, cmd_doctor, cmd_eds, cmd_generate,
+    cmd_identify, cmd_import, cmd_list, cmd_plot, cmd_protocol, cmd_replay, cmd_run, cmd_task,
+    cmd_test, cmd_validate;
 
 /* ---- topics of the manual with more than a text: coman-hil help TOPIC prints one ---- */
 
