@@ -14,7 +14,6 @@
 #include "base/program.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 static int cmd_help(int argc, char **argv);
 static int cmd_version(int argc, char **argv);

@@ -3,7 +3,6 @@
  * stores delayed frames. */
 #include "canbus/fault_port.h"
 
-#include "base/array.h"
 #include "base/random.h"
 #include "canbus/port_private.h"
 

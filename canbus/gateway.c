@@ -5,12 +5,8 @@
 
 #include "base/listen.h"
 
-#include <errno.h>
 #include <poll.h>
-#include <string.h>
 #include <sys/eventfd.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 enum {
     BATCH = 64,

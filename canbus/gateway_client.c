@@ -2,13 +2,9 @@
 /* Accepts, serves and closes the clients of the gateway. */
 #include "canbus/gateway_private.h"
 
-#include <errno.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
-#include <string.h>
-#include <sys/socket.h>
 #include <time.h>
-#include <unistd.h>
 
 enum {
     OPEN_MS = 10000, /* time after which a client without a bus is disconnected */

@@ -6,7 +6,6 @@
 
 #include <poll.h>
 #include <stdio.h>
-#include <string.h>
 
 enum {
     /* Delay of frames after an "ok", because common clients expect this answer alone. */

@@ -11,8 +11,12 @@
 #include "canbus/slcan.h"
 #include "canbus/socketcand.h"
 
+#include <errno.h>
 #include <pthread.h>
 #include <stdatomic.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 enum gateway_client_mode { CLIENT_NO_BUS, CLIENT_BCM, CLIENT_RAW };
 

@@ -4,14 +4,10 @@
 
 #include "base/listen.h"
 
-#include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
-#include <sys/socket.h>
 #include <termios.h>
-#include <unistd.h>
 
 #define SLCAN_OK "\r"
 #define SLCAN_BELL "\a"

@@ -7,13 +7,11 @@
  * In wire mode the wire is one more place on the bus. Senders write into the wire's rings, where
  * frames wait for the next advance. The wire writes the carried frames into the receivers' rings.
  */
-#include "base/array.h"
 #include "base/ring.h"
 #include "canbus/port_private.h"
 #include "canbus/wire/wire.h"
 
 #include <errno.h>
-#include <linux/can/error.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <string.h>

@@ -2,7 +2,6 @@
 /* Puts a wire in virtual time in front of a port without wire time. */
 #include "canbus/paced.h"
 
-#include "base/array.h"
 #include "canbus/port_private.h"
 
 enum { BATCH = 64 };

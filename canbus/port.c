@@ -2,7 +2,6 @@
 /* Counters and controller states, common to all ports. */
 #include "canbus/port_private.h"
 
-#include <linux/can/error.h>
 #include <stdatomic.h>
 
 /* Returns the state that an error frame reports, or the present one if it reports none. */

@@ -4,7 +4,10 @@
 #ifndef CANBUS_PORT_PRIVATE_H
 #define CANBUS_PORT_PRIVATE_H
 
+#include "base/array.h"
 #include "canbus/port.h"
+
+#include <linux/can/error.h>
 
 /* Counts a received error frame, which changes port->state. RT-safe. */
 void port_count_error(struct can_port *port, const struct bus_frame *frame);

@@ -2,7 +2,6 @@
 /* Plays recorded frames before the received frames of a port. */
 #include "canbus/replay_port.h"
 
-#include "base/array.h"
 #include "canbus/port_private.h"
 
 struct replay_port {

@@ -3,13 +3,11 @@
  * preallocated. The socket stays open when its interface is lost. It is bound again when the
  * interface returns, and keeps its options and drop counter. When the interface's queue is full,
  * the port holds the newest frame of each identifier and sends it first at the next call. */
-#include "base/array.h"
 #include "canbus/link.h"
 #include "canbus/port_private.h"
 
 #include <errno.h>
 #include <linux/can.h>
-#include <linux/can/error.h>
 #include <linux/can/raw.h>
 #include <linux/sock_diag.h>
 #include <net/if.h>

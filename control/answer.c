@@ -4,7 +4,6 @@
 #include "control/private.h"
 
 #include <inttypes.h>
-#include <unistd.h>
 
 /* ---- pieces ---- */
 

@@ -3,12 +3,9 @@
  * disconnects clients. */
 #include "control/private.h"
 
-#include "base/text.h"
-
 #include <errno.h>
 #include <stdio.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 /* Largest numbers of lines and of connections per turn, so that other clients are served too. */
 enum { LINES_A_TURN = 32, ACCEPTS_A_TURN = 32 };

@@ -4,7 +4,6 @@
 
 #include <errno.h>
 #include <sys/eventfd.h>
-#include <unistd.h>
 
 enum {
     EVENTS = 64,    /* capacity for log lines, a power of two */

@@ -2,8 +2,6 @@
 /* Carries out requests: at once, through the simulation loop, or when a tick is reached. */
 #include "control/private.h"
 
-#include "base/text.h"
-
 #include <math.h>
 
 enum { KEY_STOP = 16 }; /* key of a log line */

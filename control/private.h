@@ -8,12 +8,14 @@
 #ifndef CONTROL_PRIVATE_H
 #define CONTROL_PRIVATE_H
 
+#include "base/ring.h"
+#include "base/text.h"
 #include "control/control.h"
 #include "control/parse.h"
 #include "control/socket.h"
-#include "base/ring.h"
 
 #include <pthread.h>
+#include <unistd.h>
 
 /* CONTROL_PLACES: one more than clients. The client in the last place may only pause, resume and
  * stop the run. */

@@ -2,8 +2,6 @@
 /* Serves subscriptions: requests rows from the loop, and sends each client its signals. */
 #include "control/private.h"
 
-#include "base/text.h"
-
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>

@@ -8,9 +8,7 @@
 #include "model/hydraulics/hydraulic.h"
 #include "rig/builder_private.h"
 
-#include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 /* Returns the name or the file of a bus's protocol, or NULL for the default. The bus's own key
  * comes first, then the rig's. Files with the old key "personality" differ in two ways. On a bus,

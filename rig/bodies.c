@@ -4,8 +4,6 @@
 #include "model/spatial.h"
 #include "rig/builder_private.h"
 
-#include <string.h>
-
 enum { FREE, STATIC };
 
 /* Checks that a body has the keys of its kind. A free body needs exactly one form of inertia. */

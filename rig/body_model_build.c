@@ -4,9 +4,6 @@
 
 #include "base/text.h"
 
-#include <math.h>
-#include <string.h>
-
 /* Returns a frame of the robot. If index < 0, the link of the result is -1. */
 static struct body_frame task_body_frame(const struct robot *robot, int index)
 {

@@ -8,6 +8,9 @@
 
 #include "rig/schema.h"
 
+#include <math.h>
+#include <string.h>
+
 /* The torque board that sends a joint's torque. */
 struct rig_torque {
     const struct raw_board *board; /* NULL = no torque board */

@@ -3,8 +3,6 @@
 
 #include "rig/builder_private.h"
 
-#include <string.h>
-
 /* Bytes of reserved address space for the names of a rig. */
 #define NAMES_ARENA ((size_t)4 << 20)
 

@@ -14,9 +14,7 @@
 #include "rig/builder_private.h"
 #include "base/config.h"
 
-#include <math.h>
 #include <stdio.h>
-#include <string.h>
 #include <unistd.h>
 
 /* ---- helpers ---- */

@@ -6,9 +6,6 @@
 #include "rig/builder_private.h"
 #include "base/config.h"
 
-#include <math.h>
-#include <string.h>
-
 /* Replaces series springs of the robot by springs of the rig. */
 static enum error_code rig_replace_springs(struct rig_builder *b, struct robot *robot)
 {

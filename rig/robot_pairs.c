@@ -13,8 +13,6 @@
 #include "contact/segments.h"
 #include "rig/builder_private.h"
 
-#include <math.h>
-
 #define SLACK_ROOM 2e-3 /* additional slack, for motion around the poses that define it, m */
 
 enum { TRIAL_ARENA = 1 << 30 }; /* bytes of reserved address space */

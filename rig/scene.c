@@ -5,8 +5,6 @@
 #include "model/spatial.h"
 #include "rig/builder_private.h"
 
-#include <string.h>
-
 /* Returns the index of a plant's body among the contact bodies. Adds the body if it is new. */
 static int scene_add_contact_body(struct rig_builder *b, int *bodies, int body)
 {

@@ -10,7 +10,6 @@
 #include <inttypes.h>
 #include <limits.h>
 #include <stdlib.h>
-#include <string.h>
 
 enum { TOLD_ROWS = 1000 }; /* rows of the client table in one answer of the gateway */
 

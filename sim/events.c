@@ -2,8 +2,6 @@
 /* Collects the events of all parts of a run as lines of the log. */
 #include "sim/simulator_private.h"
 
-#include <string.h>
-
 /* Sources of events: the upper 32 bits of a key. The lower 32 bits are the topic within the source.
  * Events with the same time are recorded in the order of this list. */
 enum event_source {

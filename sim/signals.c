@@ -4,8 +4,6 @@
 
 #include "base/array.h"
 
-#include <string.h>
-
 enum {
     SIGNALS_PER_JOINT = 5,
     SIGNALS_PER_CONTACT = 13,

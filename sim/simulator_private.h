@@ -18,6 +18,7 @@
 #include "sim/stimulus.h"
 
 #include <pthread.h>
+#include <string.h>
 
 /* The release of a clamped robot. */
 struct release {

@@ -2,8 +2,6 @@
 /* Publishes the status of a simulator once a tick, for other threads. */
 #include "sim/simulator_private.h"
 
-#include <string.h>
-
 /* Copies counters and states of the buses, and the boards' counters. */
 static void status_fill_buses(struct simulator *simulator)
 {

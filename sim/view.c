@@ -4,8 +4,6 @@
 
 #include "sim/simulator_private.h"
 
-#include <string.h>
-
 _Static_assert(sizeof(struct simulator_status) % 8 == 0 && sizeof(struct board_state) % 8 == 0,
                "a snapshot consists of words");
 

@@ -12,9 +12,6 @@
 #include "base/portable_math.h"
 #include "tasks/task_private.h"
 
-#include <math.h>
-#include <stdio.h>
-
 enum excite_setting {
     EXCITE_AMPLITUDE_V,
     EXCITE_AMPLITUDE_RAD,

@@ -7,9 +7,6 @@
 #include "tasks/task_private.h"
 #include "tasks/trajectory.h"
 
-#include <math.h>
-#include <stdio.h>
-
 enum follow_setting { FOLLOW_TOLERANCE, FOLLOW_SETTINGS };
 
 static const double FOLLOW_RAMP_S = 1.0;     /* minimum duration of the ramp into the first row */

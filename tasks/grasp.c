@@ -10,8 +10,6 @@
 #include "base/portable_math.h"
 #include "tasks/task_private.h"
 
-#include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 enum { RIGHT, LEFT, SIDES };

@@ -6,9 +6,6 @@
  */
 #include "tasks/task_private.h"
 
-#include <math.h>
-#include <stdio.h>
-
 /* duration of the ramp from the present angles to the pose */
 static const double HOLD_RAMP_S = 1.0;
 static const double HOLD_SETTLE_S = 1.0; /* wait after the ramp before deviations count */

@@ -8,7 +8,6 @@
 #include "canbus/lockstep.h"
 
 #include <inttypes.h>
-#include <string.h>
 
 /* ---- health ---- */
 

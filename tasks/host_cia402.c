@@ -14,9 +14,6 @@
 
 #include "boards/cia402/protocol.h"
 
-#include <math.h>
-#include <string.h>
-
 enum { CIA402_NODES = CIA402_NODE_MAX + 1 };
 
 enum { NODE_ID_MASK = 0x7f, SYNCS_MAX = 240 };

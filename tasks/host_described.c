@@ -10,8 +10,6 @@
 
 #include "boards/described/protocol.h"
 
-#include <math.h>
-
 _Static_assert((int)DESCRIBED_FRAMES_MAX <= HOST_ROWS && (int)DESCRIBED_SLOTS <= HOST_SLOTS,
                "counters of every row and number");
 

@@ -6,8 +6,6 @@
 #include "boards/foc/protocol.h"
 #include "boards/icub/protocol.h"
 
-#include <math.h>
-
 void host_read_values(struct host *host, double *to, int64_t *time_ns, const uint8_t *data,
                       int count, double worth)
 {

@@ -12,9 +12,6 @@
 
 #include "boards/moteus/protocol.h"
 
-#include <math.h>
-#include <string.h>
-
 #define TURN_RAD (2.0 * M_PI)
 
 /* ---- receiving ---- */

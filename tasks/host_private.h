@@ -10,6 +10,9 @@
 #include "boards/protocol_list.h"
 #include "tasks/host.h"
 
+#include <math.h>
+#include <string.h>
+
 #define HOST_MS INT64_C(1000000) /* nanoseconds */
 
 enum {

@@ -6,9 +6,6 @@
  */
 #include "tasks/task_private.h"
 
-#include <math.h>
-#include <stdio.h>
-
 enum { POSE_RATE, POSE_JOINTS }; /* settings: the rate, then the joints by axis */
 
 enum { POSE_NAME_SIZE = 96 };

@@ -8,8 +8,6 @@
 #include "base/portable_math.h"
 #include "tasks/task_private.h"
 
-#include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 enum { LEGS = 2, HIP = 0, KNEE = 1, ANKLE = 2, PITCH_JOINTS = 3 };

@@ -14,9 +14,6 @@
 #include "tasks/sine_fit.h"
 #include "tasks/task_private.h"
 
-#include <math.h>
-#include <stdio.h>
-
 enum sweep_setting {
     SWEEP_AMPLITUDE_V,
     SWEEP_AMPLITUDE_RAD,

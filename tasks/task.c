@@ -5,8 +5,6 @@
 #include "base/array.h"
 #include "base/text.h"
 
-#include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 enum { TELL_STEPS = 20, TEXT_SIZE = 100, WORST_TOLD = 3 };

@@ -9,7 +9,9 @@
 
 #include "tasks/servo.h"
 
+#include <math.h>
 #include <stdatomic.h>
+#include <stdio.h>
 
 struct task;
 

@@ -4,8 +4,6 @@
 #include "tasks/balance.h"
 #include "tasks/task_private.h"
 
-#include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #define FALLEN_RAD 0.7

@@ -11,7 +11,6 @@
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 enum { SHOWN = 40 }; /* number of characters of a wrong word in a message */
 

@@ -6,7 +6,6 @@
 #include "manual/bench.h"
 
 #include <errno.h>
-#include <string.h>
 #include <unistd.h>
 
 /* Replaces this process by the benchmark program; returns only on an error. */

@@ -6,7 +6,6 @@
 #include "manual/check.h"
 
 #include <inttypes.h>
-#include <string.h>
 
 /* Prints size, mass, sensors and hash of a robot. */
 static void check_print_robot(const struct robot *robot, const char *variant)

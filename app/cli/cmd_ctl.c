@@ -9,7 +9,6 @@
 #include <errno.h>
 #include <netdb.h>
 #include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 /* Longest host name; payload of the longest UDP datagram over IPv4, bytes. */

@@ -7,8 +7,6 @@
 #include "rig/client_table.h"
 #include "rig/dbc.h"
 
-#include <string.h>
-
 enum { PATH_SIZE = 1024 };
 
 /* ---- one bus ---- */

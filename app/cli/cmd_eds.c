@@ -6,8 +6,6 @@
 #include "boards/protocol_list.h"
 #include "manual/eds.h"
 
-#include <string.h>
-
 enum { EDS_PATH_SIZE = 1024, EDS_NAME_SIZE = 128 };
 
 struct eds_options {

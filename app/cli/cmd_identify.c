@@ -10,7 +10,6 @@
 
 #include <math.h>
 #include <signal.h>
-#include <string.h>
 #include <unistd.h>
 
 enum { FIT_STEPS = 40 }; /* maximum number of iterations */

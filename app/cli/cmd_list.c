@@ -5,8 +5,6 @@
 #include "base/config.h"
 #include "manual/list.h"
 
-#include <string.h>
-
 /* Receives a name and a line of text about it. */
 typedef void (*list_put)(const char *name, const char *text);
 

@@ -10,7 +10,6 @@
 
 #include <fnmatch.h>
 #include <stdlib.h>
-#include <string.h>
 #include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>

@@ -11,7 +11,6 @@
 
 #include <inttypes.h>
 #include <stdarg.h>
-#include <string.h>
 
 enum { FRAMES_MAX = 512 };
 

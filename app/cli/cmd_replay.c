@@ -13,7 +13,6 @@
 #include <jansson.h>
 #include <math.h>
 #include <semaphore.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 

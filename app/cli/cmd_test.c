@@ -10,7 +10,6 @@
 #include "manual/test.h"
 
 #include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 enum { LINES_MAX = 1000 }; /* number of lines in which to look for the key scenarios of a sweep */

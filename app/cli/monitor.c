@@ -2,7 +2,6 @@
 /* Prints events and the status line in a thread. */
 #include "app/cli/cli.h"
 
-#include <string.h>
 #include <time.h>
 
 enum { LINE_SIZE = 320 };

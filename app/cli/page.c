@@ -6,7 +6,6 @@
 
 #include <inttypes.h>
 #include <stdlib.h>
-#include <string.h>
 
 /* Default time for which the page stays after a run, s; maximum number of robot parts listed as
  * not shown. */

@@ -7,7 +7,6 @@
 
 #include <inttypes.h>
 #include <jansson.h>
-#include <string.h>
 
 /* Writes the words of an image, low byte first. */
 static enum error_code firmware_write_file(const char *path, const struct board_firmware *firmware,

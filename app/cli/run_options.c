@@ -8,7 +8,6 @@
 
 #include <arpa/inet.h>
 #include <math.h>
-#include <string.h>
 #include <sys/stat.h>
 
 enum { KINDS_SIZE = 4096 };

@@ -6,7 +6,6 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 /* Columns of values for the plots: magnitude, phase and coherence of each response. */
 enum { SWEEP_COLUMNS = 3 * SWEEP_RESPONSES, PANELS = 3 };

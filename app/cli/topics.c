@@ -9,7 +9,6 @@
 #include "manual/signal.h"
 
 #include <inttypes.h>
-#include <string.h>
 
 /* Instructions in a tick of 1 ms at 1 ns per instruction, the reference for the phases' shares;
  * column of the text after a name. */

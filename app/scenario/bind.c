@@ -2,8 +2,6 @@
 /* Looks up the names of a scenario in its rig. */
 #include "app/scenario/private.h"
 
-#include <string.h>
-
 enum { NAMES_MAX = 256 };
 
 /* Finds the index of a bus. */

@@ -7,7 +7,6 @@
 #include "base/config.h"
 
 #include <float.h>
-#include <string.h>
 
 enum { BYTES_MAX = 64 }; /* bytes of a CAN FD frame */
 

@@ -7,7 +7,6 @@
 
 #include <float.h>
 #include <inttypes.h>
-#include <string.h>
 
 /* State of an expectation: before its window, in its window, or decided. */
 enum progress { WAITING /* before the window */, OPEN, DECIDED };

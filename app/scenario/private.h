@@ -8,6 +8,7 @@
 #include "tasks/host.h"
 
 #include <math.h>
+#include <string.h>
 
 /* Converts seconds of a scenario file into ns. */
 static inline int64_t scenario_ns(double seconds)

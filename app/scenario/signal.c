@@ -7,8 +7,6 @@
 #include "base/text.h"
 #include "canbus/wire/wire.h"
 
-#include <string.h>
-
 /* Limits: parts of a signal's name, bytes of a part, and names of one kind in a rig. */
 enum { PART_SIZE = 64, NAMES_MAX = 128 };
 

@@ -2,8 +2,6 @@
 /* Executes the stimuli of a scenario, tick by tick. */
 #include "app/scenario/private.h"
 
-#include <string.h>
-
 static const double REFRESH_S = 0.01; /* period at which a voltage is set again */
 
 /* Progress of one stimulus. */
