@@ -98,35 +98,25 @@ void arena_join(void *memory, size_t size)
     ASAN_UNPOISON_MEMORY_REGION(memory, size);
 }
 
-/* Maps every used page and keeps its content. Kernels before 5.14 lack the call; then the function
- * writes one byte in each page. Another running thread may own this byte, so an atomic exchange
- * writes its present value. */
-__attribute__((no_sanitize("address"))) static void arena_touch_pages(const struct arena *arena)
+void arena_close(struct arena *arena)
+{
+    arena->sealed = true;
+}
+
+__attribute__((no_sanitize("address"))) void arena_seal(struct arena *arena)
 {
     size_t page = (size_t)sysconf(_SC_PAGESIZE);
 
+    arena_close(arena);
     if (!madvise(arena->memory, arena->used, MADV_POPULATE_WRITE)) {
         return;
     }
+    /* Kernels before 5.14 lack the call: write one byte in each page. Another running thread may
+     * own this byte, so an atomic exchange writes its present value. */
     for (size_t at = 0; at < arena->used; at += page) {
         unsigned char *touch = arena->memory + at;
         unsigned char is = __atomic_load_n(touch, __ATOMIC_RELAXED);
 
         __atomic_compare_exchange_n(touch, &is, is, false, __ATOMIC_RELAXED, __ATOMIC_RELAXED);
     }
-}
-
-void arena_close(struct arena *arena)
-{
-    arena->sealed = true;
-}
-
-enum error_code arena_seal(struct arena *arena, bool lock, struct error *error)
-{
-    arena_close(arena);
-    arena_touch_pages(arena);
-    if (lock && mlock(arena->memory, arena->used)) {
-        return error_set_errno(error, errno, "cannot lock %zu bytes in memory", arena->used);
-    }
-    return ERROR_NONE;
 }

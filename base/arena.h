@@ -40,8 +40,7 @@ void arena_join(void *memory, size_t size);
 /* Refuses further allocations. Does not touch or lock pages. RT-safe. */
 void arena_close(struct arena *arena);
 
-/* Refuses further allocations and touches every used page. If `lock` is set, also locks the pages
- * (mlock). If mlock fails, returns its error; the arena is sealed nevertheless. Not RT-safe. */
-enum error_code arena_seal(struct arena *arena, bool lock, struct error *error);
+/* Refuses further allocations, maps every used page and keeps its content. Not RT-safe. */
+void arena_seal(struct arena *arena);
 
 #endif

@@ -4,7 +4,6 @@
 #include "sim/simulator_private.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 enum error_code simulator_create(const struct simulator_config *config, struct arena *arena,
                                  struct simulator **out, char notice[256], struct error *error)
@@ -70,19 +69,17 @@ enum error_code simulator_start(struct simulator *simulator, struct realtime_rep
         .cpu = wanted->cpu,
         .lock_memory = wanted->lock_memory,
     };
-    enum error_code code;
 
     memset(report, 0, sizeof *report);
     /* Maps memory now, so that no page fault occurs in the loop */
     if (simulator->config.untouched) {
         arena_close(simulator->arena);
-        code = ERROR_NONE;
     } else {
-        code = arena_seal(simulator->arena, false, error);
+        arena_seal(simulator->arena);
         realtime_touch();
     }
-    if (code || simulator->config.clock != LOOP_CLOCK_REAL) {
-        return code;
+    if (simulator->config.clock != LOOP_CLOCK_REAL) {
+        return ERROR_NONE;
     }
     /* The task's thread starts before the calling thread gets its real-time settings */
     if (simulator->task) {

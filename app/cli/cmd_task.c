@@ -3,9 +3,7 @@
 #include "app/cli/cli.h"
 
 #include "manual/task.h"
-#include "sim/task_runner.h"
 
-#include <string.h>
 #include <unistd.h>
 
 struct task_command {
@@ -172,11 +170,11 @@ static int task_run_rig(void *context, const struct rig *rig, struct arena *aren
     /* Allocates all memory before the first cycle */
     if (task_runner_create(rig, options->task, &input, ports.port, lockstep, clock_monotonic(),
                            arena, &runner, &error) ||
-        task_set_all(runner->task, options->set.item, options->set.count, &error) ||
-        arena_seal(arena, false, &error)) {
+        task_set_all(runner->task, options->set.item, options->set.count, &error)) {
         rig_command_suggest(options->rig, options->task, &input, &error);
         status = command_fail("task", &error);
     } else {
+        arena_seal(arena);
         status = task_run_to_end(runner, rig, options->quiet);
         if (task_report_write(runner->task, options->input.report, &error)) {
             status = command_fail("task", &error);

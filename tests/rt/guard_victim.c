@@ -129,9 +129,10 @@ int main(int argc, char **argv)
     }
     fresh = mmap(NULL, PAGE, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     if (!way || fresh == MAP_FAILED || arena_init(&arena, 16 << 20, &error) ||
-        loop_create(&config, &arena, &loop, &error) || arena_seal(&arena, false, &error)) {
+        loop_create(&config, &arena, &loop, &error)) {
         return 2;
     }
+    arena_seal(&arena);
     kept = malloc(32);
     if (!strcmp(way->name, "bystander") && pthread_create(&thread, NULL, stand_by, NULL)) {
         return 2;

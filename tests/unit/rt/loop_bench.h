@@ -260,7 +260,7 @@ static inline enum loop_end bench_run(struct bench *bench)
     struct error error;
 
     assert_ok(loop_create(&bench->config, &bench->arena, &bench->loop, &error));
-    assert_ok(arena_seal(&bench->arena, false, &error));
+    arena_seal(&bench->arena);
     return loop_run(bench->loop);
 }
 
