@@ -3,8 +3,6 @@
  * frames, and the ends of a run. What happens when it is late is in overrun.c. */
 #include "loop_bench.h"
 
-#include <stdio.h>
-#include <stdlib.h>
 #include <unistd.h>
 
 TEST(the_grid_does_not_drift)
@@ -21,7 +19,6 @@ TEST(the_grid_does_not_drift)
     assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
     assert_int_equal(loop_stats(bench->loop)->wakeup.count, 2999);
     assert_int_equal(loop_stats(bench->loop)->wakeup.max, 37123);
-    bench_destroy(bench);
 }
 
 TEST(a_tick_has_its_order)
@@ -35,7 +32,6 @@ TEST(a_tick_has_its_order)
     assert_int_equal(bench->calls, 18);
     assert_memory_equal(bench->order, "ircpstttuicpstttux", 18);
     assert_int_equal(bench->sleeps, 0);
-    bench_destroy(bench);
 }
 
 TEST(what_is_due_begins_before_the_wait_of_each_tick)
@@ -46,7 +42,6 @@ TEST(what_is_due_begins_before_the_wait_of_each_tick)
     assert_int_equal(bench->begins, 10);
     assert_int_equal(bench->begun_ns, 9 * TICK);
     assert_int_equal(bench->begun_at, bench->deadline[bench->sleeps - 1] - TICK + TICK / 10);
-    bench_destroy(bench);
 }
 
 TEST(a_machine_may_leave_everything_out)
@@ -57,7 +52,6 @@ TEST(a_machine_may_leave_everything_out)
     bench->config.tick_ns = 0;
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
     assert_int_equal(loop_stats(bench->loop)->time_ns, 10 * CLOCK_MS);
-    bench_destroy(bench);
 }
 
 /* Frames recorded of three ticks with two frames sent on each bus, and one received. */
@@ -78,7 +72,6 @@ static uint64_t frames_recorded(enum loop_recording recording)
     can_send(bench->host[0], &frame, 1);
     bench_run(bench);
     assert_ok(recorder_close(bench->config.recorder, &counters, &error));
-    bench_destroy(bench);
     snprintf(path, sizeof path, "%s/candump.log", folder);
     unlink(path);
     snprintf(path, sizeof path, "%s/signals.csv", folder);
@@ -108,7 +101,6 @@ TEST(buses_are_drained_in_their_order)
         assert_int_equal(bench->received_bus[i], i / 200);
         assert_int_equal(bench->received[i].id, 3 * (i % 200) + 2 - i / 200);
     }
-    bench_destroy(bench);
 }
 
 TEST(what_is_sent_arrives_at_the_host)
@@ -122,7 +114,6 @@ TEST(what_is_sent_arrives_at_the_host)
         assert_int_equal(frames[5].id, 0x101);
         assert_int_equal(frames[5].data[0], 2);
     }
-    bench_destroy(bench);
 }
 
 static void stop_at_ten(struct bench *bench)
@@ -144,7 +135,6 @@ TEST(a_stop_ends_after_the_tick_with_motors_off)
         assert_int_equal(loop_stats(bench->loop)->ticks, 10);
         assert_int_equal(bench->shut_downs, 1);
         assert_int_equal(bench->order[bench->calls - 1], 'x');
-        bench_destroy(bench);
     }
 }
 
@@ -156,7 +146,6 @@ TEST(a_finished_controller_gets_its_last_tick)
     bench->controller_ticks = 5;
     assert_int_equal(bench_run(bench), LOOP_END_CONTROLLER);
     assert_int_equal(loop_stats(bench->loop)->ticks, 5);
-    bench_destroy(bench);
 }
 
 static void break_at_four(struct bench *bench)
@@ -172,7 +161,6 @@ TEST(a_failing_model_ends_the_run)
     assert_int_equal(bench_run(bench), LOOP_END_MODEL);
     assert_int_equal(loop_stats(bench->loop)->ticks, 5);
     assert_int_equal(bench->shut_downs, 1);
-    bench_destroy(bench);
 }
 
 static void bus_goes_and_loses(struct bench *bench)
@@ -202,7 +190,6 @@ TEST(a_bus_that_goes_is_an_event_and_the_loop_goes_on)
     assert_int_equal(event.a, 17);
     assert_int_equal(event.b, 4);
     assert_false(loop_next_event(bench->loop, &event));
-    bench_destroy(bench);
 }
 
 TEST(events_that_find_the_ring_full_are_counted)
@@ -216,7 +203,6 @@ TEST(events_that_find_the_ring_full_are_counted)
     lost = loop_stats(bench->loop)->events_lost;
     assert_int_equal(lost + bench_events(bench, LOOP_EVENT_OVERRUN, &event), 3000);
     assert_true(lost > 0);
-    bench_destroy(bench);
 }
 
 TEST(phases_are_timed)
@@ -235,5 +221,4 @@ TEST(phases_are_timed)
     }
     assert_int_equal(stats->work.sum, 100000 * (2 + 3 + 4 + 5 + 6));
     assert_int_equal(stats->end_ns - stats->start_ns, stats->work.sum);
-    bench_destroy(bench);
 }

@@ -113,7 +113,6 @@ TEST(a_frame_between_ticks_is_answered_at_once)
     assert_int_equal(stats->arrivals, 1);
     assert_int_equal(stats->phase[PHASE_ARRIVALS].count, 1);
     assert_int_equal(stats->overrun_total, 0);
-    bench_destroy(bench);
 }
 
 TEST(the_loop_keeps_its_deadlines_and_the_rest_of_a_flood_waits_for_the_tick)
@@ -132,7 +131,6 @@ TEST(the_loop_keeps_its_deadlines_and_the_rest_of_a_flood_waits_for_the_tick)
     assert_int_equal(event.bus, 1);
     assert_int_equal(bench->deadline[2], START + 3 * TICK);
     assert_int_equal(stats->overrun_total, 0);
-    bench_destroy(bench);
 }
 
 static void receive_for_later(void *context, int64_t now_ns, size_t bus,
@@ -189,7 +187,6 @@ TEST(an_answer_leaves_when_it_is_due)
         assert_int_equal(script.arrival_ns, (int64_t)((2.0 + share) * (double)TICK));
         assert_int_equal(script.answered_at_ns, begin_ns + script.delay_ns);
         assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
-        bench_destroy(bench);
     }
 }
 
@@ -202,7 +199,6 @@ TEST(a_frame_just_before_the_deadline_waits_for_the_tick)
     assert_int_equal(bench->received_count, 1);
     assert_int_equal(bench->received_tick[0], 3);
     assert_int_equal(script.received_at_ns, START + 3 * TICK);
-    bench_destroy(bench);
 }
 
 TEST(work_for_arrivals_that_ends_late_is_charged_to_them)
@@ -217,7 +213,6 @@ TEST(work_for_arrivals_that_ends_late_is_charged_to_them)
     assert_int_equal(stats->overrun_total, 1);
     assert_int_equal(stats->phase[PHASE_ARRIVALS].max, 2 * TICK);
     assert_true(stats->phase[PHASE_WAIT].max < TICK);
-    bench_destroy(bench);
 }
 
 TEST(without_a_listener_or_without_the_real_clock_the_loop_only_sleeps)
@@ -227,13 +222,11 @@ TEST(without_a_listener_or_without_the_real_clock_the_loop_only_sleeps)
     script.nobody = true;
     bench_run(bench);
     assert_int_equal(bench->waits, 0);
-    bench_destroy(bench);
 
     bench = arrivals_create(LOOP_CLOCK_FREE, 0.5, 1);
     bench_run(bench);
     assert_int_equal(bench->waits, 0);
     assert_int_equal(loop_stats(bench->loop)->arrivals, 0);
-    bench_destroy(bench);
 }
 
 /* A port of an interface that is lost: readable for ever, without a frame */
@@ -257,5 +250,4 @@ TEST(a_descriptor_without_frames_does_not_keep_the_loop_awake)
     assert_true(bench->waits <= 6);
     bench->port[0]->ops = whole;
     close((int)script.count);
-    bench_destroy(bench);
 }

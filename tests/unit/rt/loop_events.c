@@ -6,7 +6,6 @@
 #include "rt/request_machine.h"
 
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 static struct can_port left = {.bus = "left"}, right = {.bus = "right"};
 static struct can_port *ports[] = {&left, &right};

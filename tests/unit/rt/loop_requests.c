@@ -24,7 +24,6 @@ TEST(a_pause_in_real_time_costs_no_deadline)
     assert_int_equal(answer(1, REQUEST_OK).tick, 40);
     assert_int_equal(answer(2, REQUEST_OK).tick, 40);
     assert_int_equal(bench_events(bench, LOOP_EVENT_PAUSED, &event), 1);
-    requested_destroy(bench);
 }
 
 TEST(the_grid_begins_anew_at_resume)
@@ -43,7 +42,6 @@ TEST(the_grid_begins_anew_at_resume)
         assert_int_equal(bench->deadline[i], START + (int64_t)(i + 1) * TICK);
         assert_int_equal(bench->deadline[9 + i], first + (int64_t)i * TICK);
     }
-    requested_destroy(bench);
 }
 
 /* A request that comes while the loop sleeps ends the sleep, once; one that comes in a tick does
@@ -58,7 +56,6 @@ TEST(a_request_wakes_a_loop_that_sleeps)
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
     assert_int_equal(sb.waits, 6);
     assert_int_equal(bench->woken, 1);
-    requested_destroy(bench);
 }
 
 static void ask_69(struct request_bench *unused)
@@ -82,7 +79,6 @@ TEST(requests_wait_until_their_answers_have_room)
         answer(ticket, REQUEST_OK);
     }
     assert_false(requests_answer(sb.requests, &unread));
-    requested_destroy(bench);
 }
 
 static void stop_it(struct request_bench *unused)
@@ -104,7 +100,6 @@ TEST(a_loop_that_stands_still_can_be_ended)
         assert_int_equal(bench_run(bench), LOOP_END_STOPPED);
         assert_int_equal(loop_stats(bench->loop)->ticks, 0);
         assert_int_equal(bench->shut_downs, 1);
-        requested_destroy(bench);
     }
 }
 
@@ -129,7 +124,6 @@ TEST(what_waits_at_the_end_is_answered)
     answer(2, REQUEST_OK); /* came before the loop looked at its end */
     no_answer();
     assert_false(requests_ask(sb.requests, &late));
-    requested_destroy(bench);
 }
 
 /* ---- steps ---- */
@@ -159,7 +153,6 @@ TEST(steps_end_where_they_should)
         assert_int_equal(answer(2, REQUEST_OK).tick, 15);
         assert_int_equal(answer(3, REQUEST_OK).tick, 15);
         assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
-        requested_destroy(bench);
     }
 }
 
@@ -203,7 +196,6 @@ TEST(a_step_under_way_refuses_others_and_is_cut_by_a_pause)
     assert_int_equal(answer(2, REQUEST_CUT).tick, 14);
     assert_int_equal(answer(7, REQUEST_OK).tick, 14);
     assert_int_equal(sb.faults, 1);
-    requested_destroy(bench);
 }
 
 TEST(a_step_of_nothing_is_refused)
@@ -213,7 +205,6 @@ TEST(a_step_of_nothing_is_refused)
     ask(REQUEST_STEP, 0, 0, 0.0);
     bench_run(bench);
     answer(1, REQUEST_RANGE);
-    requested_destroy(bench);
 }
 
 TEST(a_step_ends_with_the_run)
@@ -223,7 +214,6 @@ TEST(a_step_ends_with_the_run)
     ask(REQUEST_STEP, 0, 7, 0.0);
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
     assert_int_equal(answer(1, REQUEST_CUT).tick, 3);
-    requested_destroy(bench);
 }
 
 /* ---- lockstep ---- */
@@ -277,7 +267,6 @@ TEST(a_step_plays_the_part_of_a_step_frame)
     assert_int_equal(bench->received_count, 1);
     assert_int_equal(bench->received_tick[0], 0);
     assert_int_equal(loop_stats(bench->loop)->lockstep.steps, 0);
-    requested_destroy(bench);
 }
 
 static void send_step_and_go_on(struct request_bench *unused)
@@ -308,7 +297,6 @@ TEST(a_pause_interrupts_a_step_frame_and_its_rest_follows)
         assert_int_equal(dones(bench, b, &tick), 1);
         assert_int_equal(tick, 10);
     }
-    requested_destroy(bench);
 }
 
 /* As on_wait, and ends a loop that waits for a STEP in vain. */
@@ -364,7 +352,6 @@ TEST(a_way_back_into_a_step_frame_runs_its_rest)
             assert_int_equal(tick, 15);
         }
         assert_int_equal(loop_stats(bench->loop)->lockstep.mismatches, 0);
-        requested_destroy(bench);
     }
 }
 
@@ -399,7 +386,6 @@ TEST(a_way_back_into_a_requested_step_waits_for_a_step)
         assert_int_equal(dones(bench, b, &tick), 2);
         assert_int_equal(tick, 5);
     }
-    requested_destroy(bench);
 }
 
 static void steps_wait_while_it_stands_still(struct request_bench *unused)
@@ -421,7 +407,6 @@ TEST(step_frames_wait_during_a_pause)
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
     assert_int_equal(loop_stats(bench->loop)->lockstep.silences, 0);
     assert_int_equal(bench_events(bench, LOOP_EVENT_SILENT, &event), 0);
-    requested_destroy(bench);
 }
 
 TEST(requests_do_not_begin_the_silence_anew)
@@ -433,5 +418,4 @@ TEST(requests_do_not_begin_the_silence_anew)
     bench_run(bench);
     /* Nine seconds: told after one, three and seven */
     assert_int_equal(bench_events(bench, LOOP_EVENT_SILENT, &event), 3);
-    requested_destroy(bench);
 }

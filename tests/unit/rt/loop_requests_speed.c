@@ -27,14 +27,12 @@ TEST(speed_scales_the_grid_and_what_an_overrun_is)
     assert_int_equal(bench->deadline[15] - bench->deadline[14], 4 * TICK);
     assert_true(requests_speed(sb.requests) == 0.25);
     assert_int_equal(answer(1, REQUEST_OK).tick, 10);
-    requested_destroy(bench);
 
     bench = requested_create(LOOP_CLOCK_REAL, 30);
     sb.value = 20.0; /* 0.05 ms a tick, half of what one takes */
     sb.each_tick = speed_at_10;
     bench_run(bench);
     assert_int_equal(loop_stats(bench->loop)->overrun_total, 20);
-    requested_destroy(bench);
 }
 
 TEST(real_time_without_a_pace_waits_for_nothing)
@@ -48,7 +46,6 @@ TEST(real_time_without_a_pace_waits_for_nothing)
     assert_int_equal(loop_stats(bench->loop)->lost_ticks, 0);
     assert_int_equal(bench->sleeps, 9);
     assert_int_equal(bench->now, START + 9 * TICK + 991 * TICK / 10);
-    requested_destroy(bench);
 }
 
 TEST(free_run_can_be_paced_and_counts_nothing)
@@ -66,7 +63,6 @@ TEST(free_run_can_be_paced_and_counts_nothing)
     /* 10 unpaced ones, 40 on the grid but for the slow one, which nothing catches up */
     assert_int_equal(bench->now, START + 10 * (TICK / 10) + 20 * (TICK / 2) + TICK / 10 +
                                      20 * TICK + 18 * (TICK / 2) + TICK / 10);
-    requested_destroy(bench);
 }
 
 TEST(a_slow_loop_hears_requests_between_its_ticks)
@@ -80,7 +76,6 @@ TEST(a_slow_loop_hears_requests_between_its_ticks)
     assert_true(loop_stats(bench->loop)->ticks < 12);
     assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
     assert_int_equal(loop_stats(bench->loop)->late_ticks, 0);
-    requested_destroy(bench);
 }
 
 TEST(speeds_out_of_range_are_refused)
@@ -96,14 +91,12 @@ TEST(speeds_out_of_range_are_refused)
         answer(i + 1, REQUEST_RANGE);
     }
     assert_true(requests_speed(sb.requests) == 1.0);
-    requested_destroy(bench);
 
     bench = requested_create(LOOP_CLOCK_LOCKSTEP, 1);
     ask(REQUEST_SPEED, 0, 0, 1.0);
     send_step(bench, 0, 1);
     bench_run(bench);
     answer(1, REQUEST_CLOCK);
-    requested_destroy(bench);
 }
 
 /* ---- the way back, and what is set ---- */
@@ -138,7 +131,6 @@ TEST(time_goes_back_and_the_run_ends_at_its_length)
         assert_int_equal(loop_stats(bench->loop)->ticks, 40);
         assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
         assert_int_equal(bench_events(bench, LOOP_EVENT_RESTORED, &event), 2);
-        requested_destroy(bench);
     }
 }
 
@@ -158,7 +150,6 @@ TEST(a_refused_way_back_moves_no_deadline)
     for (size_t i = 0; i < 19; i++) {
         assert_int_equal(bench->deadline[i], START + (int64_t)(i + 1) * TICK);
     }
-    requested_destroy(bench);
 }
 
 TEST(slots_are_checked)
@@ -177,7 +168,6 @@ TEST(slots_are_checked)
     answer(3, REQUEST_RANGE);
     answer(4, REQUEST_EMPTY);
     answer(t, REQUEST_OK);
-    requested_destroy(bench);
 }
 
 TEST(tunables_are_checked_and_seen)
@@ -203,7 +193,6 @@ TEST(tunables_are_checked_and_seen)
     answer(7, REQUEST_UNAVAILABLE);
     assert_int_equal(sb.sets, 1);
     assert_true(requests_value(sb.requests, 1) == -4.5);
-    requested_destroy(bench);
 }
 
 TEST(an_asker_who_never_listens_only_stops_being_heard)
@@ -222,5 +211,4 @@ TEST(an_asker_who_never_listens_only_stops_being_heard)
         answered++;
     }
     assert_int_equal(answered, asked);
-    requested_destroy(bench);
 }

@@ -3,7 +3,6 @@
 #include "rt/clock.h"
 
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 struct scripted {
     struct clock clock;

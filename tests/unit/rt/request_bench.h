@@ -6,7 +6,6 @@
 
 #include "rt/request_machine.h"
 #include "tests/unit/rt/loop_bench.h"
-#include "tests/test.h"
 
 /* The machine behind the requests, and a script of what is asked when. */
 struct request_bench {
@@ -134,10 +133,12 @@ static inline struct bench *requested_create(enum loop_clock clock, uint64_t tic
         .ntunable = 2,
         .tunable = tunable,
     };
-    struct bench *bench = bench_create(clock, ticks);
+    struct bench *bench;
     struct error error;
 
+    requests_destroy(sb.requests); /* of the test before */
     memset(&sb, 0, sizeof sb);
+    bench = bench_create(clock, ticks);
     sb.bench = bench;
     sb.paused_at = UINT64_MAX;
     bench->on_tick = on_tick;
@@ -145,12 +146,6 @@ static inline struct bench *requested_create(enum loop_clock clock, uint64_t tic
     assert_ok(requests_create(&machine, &bench->arena, &sb.requests, &error));
     bench->config.requests = sb.requests;
     return bench;
-}
-
-static inline void requested_destroy(struct bench *bench)
-{
-    requests_destroy(sb.requests);
-    bench_destroy(bench);
 }
 
 static inline void go_on(struct request_bench *unused)

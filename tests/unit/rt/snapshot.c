@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The sequence lock: what a reader gets is always one whole value, however the writer runs on. */
 #include "rt/snapshot.h"
-#include "tests/test.h"
+#include "tests/unit/arena_fixture.h"
 
 #include <pthread.h>
 
@@ -47,15 +47,13 @@ static void *read_all(void *context)
     return NULL;
 }
 
-TEST(readers_get_whole_values_while_the_writer_runs)
+TEST_WITH(readers_get_whole_values_while_the_writer_runs, open_arena, close_arena)
 {
     struct reader reader[READERS] = {0};
     struct snapshot *snapshot;
-    struct arena arena;
     struct error error;
     struct value value;
 
-    assert_ok(arena_init(&arena, 1 << 20, &error));
     assert_ok(snapshot_create(sizeof value, &arena, &snapshot, &error));
     for (int i = 0; i < READERS; i++) {
         reader[i].snapshot = snapshot;
@@ -71,30 +69,24 @@ TEST(readers_get_whole_values_while_the_writer_runs)
         assert_int_equal(reader[i].backwards, 0);
         assert_true(reader[i].read > 0);
     }
-    arena_fini(&arena);
 }
 
-TEST(nothing_is_read_before_the_first_write)
+TEST_WITH(nothing_is_read_before_the_first_write, open_arena, close_arena)
 {
     struct snapshot *snapshot;
-    struct arena arena;
     struct error error;
     struct value value;
 
-    assert_ok(arena_init(&arena, 1 << 20, &error));
     assert_ok(snapshot_create(sizeof value, &arena, &snapshot, &error));
     assert_int_equal(snapshot_read(snapshot, &value), 0);
-    arena_fini(&arena);
 }
 
-TEST(gaps_stay_zero)
+TEST_WITH(gaps_stay_zero, open_arena, close_arena)
 {
     uint64_t value[8], found[8];
     struct snapshot *snapshot;
-    struct arena arena;
     struct error error;
 
-    assert_ok(arena_init(&arena, 1 << 20, &error));
     assert_ok(snapshot_create(sizeof value, &arena, &snapshot, &error));
     snapshot_leave_out(snapshot, 16, 32);
     snapshot_leave_out(snapshot, 56, 64);
@@ -106,5 +98,4 @@ TEST(gaps_stay_zero)
     for (uint64_t i = 0; i < 8; i++) {
         assert_int_equal(found[i], i == 2 || i == 3 || i == 7 ? 0 : i + 1);
     }
-    arena_fini(&arena);
 }

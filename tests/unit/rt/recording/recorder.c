@@ -105,7 +105,7 @@ static uint64_t lines_in(const struct fixture *f, const char *name)
 
 TEST_ON(every_frame_is_in_the_log_in_order, set_up, f)
 {
-    struct candump_reader reader;
+    struct candump_reader reader CLOSED_BY(candump_close);
     struct recorder *recorder;
     struct bus_frame frame;
     char bus[16];
@@ -130,7 +130,6 @@ TEST_ON(every_frame_is_in_the_log_in_order, set_up, f)
     }
     assert_ok(candump_next(&reader, &frame, bus, &end, &error));
     assert_true(end);
-    candump_close(&reader);
 }
 
 TEST_ON(rows_have_titles_and_a_time_in_seconds, set_up, f)
