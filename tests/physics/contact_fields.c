@@ -3,12 +3,9 @@
  * Two meshes in the native engine by the pressure field of one of them, against closed forms: no
  * work around closed paths, no drift, thick penetration, spheres, friction of a spinning face.
  */
-#include "contact/contact.h"
 
 #include "contact/native/private.h"
 #include "tests/physics/contact_fixture.h"
-#include "tests/physics/near.h"
-#include "tests/test.h"
 
 /* Two surfaces of these have 5e5 Pa/m, and no friction. */
 static const struct contact_material slippery = {1e6, 1, 0, 0, 0, 0, 0};

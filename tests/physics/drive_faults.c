@@ -4,7 +4,6 @@
  * are clamped, so that a drive is alone with its spring, or fall in the air, for the balance.
  */
 #include "tests/physics/plant_rig.h"
-#include "tests/test.h"
 
 enum { HIP = 0, SUBSTEP_NS = 100000, STEPS_A_MS = 10 };
 
@@ -48,7 +47,7 @@ static double tolerance(enum plant_integrator integrator, double loose)
 TEST(open_phase_carries_no_current_whatever_the_bridge_does)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
-        struct plant_rig rig;
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
         struct motor_command *motor = start(&rig, integrators[i]);
         double qm;
 
@@ -66,7 +65,6 @@ TEST(open_phase_carries_no_current_whatever_the_bridge_does)
         motor->condition = 0;
         run(&rig, 5);
         assert_true(hip(&rig)->current_a > 1.0);
-        plant_rig_fini(&rig);
     }
 }
 
@@ -74,7 +72,7 @@ TEST(open_phase_carries_no_current_whatever_the_bridge_does)
 TEST(rotor_with_a_broken_spring_coasts_to_rest)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
-        struct plant_rig rig;
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
         struct motor_command *motor = start(&rig, integrators[i]);
         const struct robot_sea sea = rig.toy.joint[HIP].sea;
         double speed;
@@ -90,7 +88,6 @@ TEST(rotor_with_a_broken_spring_coasts_to_rest)
         run(&rig, 200);
         assert_close(hip(&rig)->qmd, speed * exp(-sea.Dm / sea.J * 0.2),
                      tolerance(integrators[i], 1e-4));
-        plant_rig_fini(&rig);
     }
 }
 
@@ -98,7 +95,7 @@ TEST(rotor_with_a_broken_spring_coasts_to_rest)
 TEST(shorted_winding_brakes_a_loose_rotor)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
-        struct plant_rig rig;
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
         struct motor_command *motor = start(&rig, integrators[i]);
         const struct robot_sea sea = rig.toy.joint[HIP].sea;
         double a = sea.R / sea.L, b = sea.Dm / sea.J;
@@ -116,7 +113,6 @@ TEST(shorted_winding_brakes_a_loose_rotor)
         assert_true(hip(&rig)->current_a < 0.0); /* it generates */
         run(&rig, 5);
         assert_close(hip(&rig)->qmd / speed, exp(-slow * 0.005), tolerance(integrators[i], 1e-2));
-        plant_rig_fini(&rig);
     }
 }
 
@@ -145,7 +141,7 @@ TEST(short_does_not_ask_the_bridge)
 TEST(jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
-        struct plant_rig rig;
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
         struct motor_command *motor = start(&rig, integrators[i]);
         const struct robot_sea sea = rig.toy.joint[HIP].sea;
         double qm;
@@ -169,7 +165,6 @@ TEST(jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current)
         motor->condition = 0;
         run(&rig, 20);
         assert_true(hip(&rig)->qm != qm);
-        plant_rig_fini(&rig);
     }
 }
 
@@ -177,7 +172,7 @@ TEST(jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current)
 TEST(led_rotor_goes_its_way_whatever_loads_it)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
-        struct plant_rig rig;
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
         struct motor_command *motor = start(&rig, integrators[i]);
         double qm;
 
@@ -204,7 +199,6 @@ TEST(led_rotor_goes_its_way_whatever_loads_it)
         motor->condition = 0;
         run(&rig, 1);
         assert_true(hip(&rig)->qm != qm && fabs(hip(&rig)->qm - qm) < 1e-3);
-        plant_rig_fini(&rig);
     }
 }
 
@@ -214,7 +208,7 @@ TEST(energy_that_breaks_away_counts_as_friction)
                                       DRIVE_JAM | DRIVE_SPRING_BREAK};
 
     for (size_t k = 0; k < sizeof breaks / sizeof breaks[0]; k++) {
-        struct plant_rig rig;
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
         struct plant_energy energy;
         struct plant_command *command;
 
@@ -234,7 +228,6 @@ TEST(energy_that_breaks_away_counts_as_friction)
         assert_ok(plant_energy(rig.plant, &energy));
         assert_true(energy.electrical_in > 1.0);
         assert_close(energy.balance, 0.0, 1e-6);
-        plant_rig_fini(&rig);
     }
 }
 
@@ -350,7 +343,7 @@ TEST_ON(braking_drives_lift_the_supply, plant_rig, rig)
 TEST(a_braking_rotor_gives_energy_back)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
-        struct plant_rig rig;
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
         struct motor_command *motor = start(&rig, integrators[i]);
         size_t drive = rig.toy.robot.nq + rig.toy.robot.nv;
         const struct robot_sea *sea = &rig.toy.joint[HIP].sea;
@@ -374,6 +367,5 @@ TEST(a_braking_rotor_gives_energy_back)
         assert_close(energy.electrical_in, expected, 1e-5);
         assert_close(energy.balance, 0.0, 1e-4);
         assert_true(energy.joule_heat > 1.0 && energy.motor_friction > 0.0);
-        plant_rig_fini(&rig);
     }
 }

@@ -51,7 +51,7 @@ static bool pair_meets(const struct broad_balls *ball, const struct contact_pair
  * question to the next; half-spaces on a body walk too. */
 static void walk(int body)
 {
-    struct arena arena;
+    struct arena arena CLOSED_BY(arena_fini);
     struct broad_phase broad;
     uint64_t seed = 3, near[(PAIRS + 63) / 64];
     size_t met = 0;
@@ -84,7 +84,6 @@ static void walk(int body)
         }
     }
     assert_true(met > 10000 && met < 1000 * config.npair);
-    arena_fini(&arena);
 }
 
 TEST(finds_the_pairs_whose_balls_meet_and_no_others)
@@ -231,7 +230,7 @@ static void approach(struct broad_phase *broad, int k, double distance, double x
 TEST(capsules_that_approach_and_turn_at_once_are_found_in_the_kept_list)
 {
     for (int k = 0; k < 3; k++) {
-        struct arena arena;
+        struct arena arena CLOSED_BY(arena_fini);
         struct broad_phase broad;
         uint64_t near[1];
 
@@ -257,7 +256,6 @@ TEST(capsules_that_approach_and_turn_at_once_are_found_in_the_kept_list)
         approach(&broad, k, 0.23, 0.01001);
         broad_phase_find(&broad, near);
         assert_int_equal(near[0], 0);
-        arena_fini(&arena);
     }
 }
 
@@ -267,7 +265,7 @@ TEST(balls_are_found_in_the_kept_list)
     for (int plane = 0; plane < 2; plane++) {
         for (int k = 0; k < 3; k++) {
             const double far = plane ? 0.113 : 0.22, close = plane ? 0.0999 : 0.1999;
-            struct arena arena;
+            struct arena arena CLOSED_BY(arena_fini);
             struct broad_phase broad;
             uint64_t near[1];
 
@@ -294,7 +292,6 @@ TEST(balls_are_found_in_the_kept_list)
                 assert_int_equal(near[0], step);
                 broad.nrow = 0;
             }
-            arena_fini(&arena);
         }
     }
 }
@@ -306,7 +303,7 @@ TEST(a_leaning_capsule_is_near_a_plane_when_its_end_is)
     for (int side = -1; side <= 1; side += 2) {
         for (int ball = 0; ball < 2; ball++) {
             const double reach = ball ? 0.5 : 1.1;
-            struct arena arena;
+            struct arena arena CLOSED_BY(arena_fini);
             struct broad_phase broad;
             uint64_t near[1];
 
@@ -327,7 +324,6 @@ TEST(a_leaning_capsule_is_near_a_plane_when_its_end_is)
                     assert_int_equal(near[0], i < 0);
                 }
             }
-            arena_fini(&arena);
         }
     }
 }

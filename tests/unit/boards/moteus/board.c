@@ -2,7 +2,6 @@
 /* Moteus controllers against frames written by hand from the documents "CAN Protocol" and
  * "Register Reference" of github.com/mjbots/moteus (firmware 1.1.0): subframes, scales,
  * modes, watchdog, faults, paths. */
-#include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
 
 #define OHM 0.8
