@@ -29,12 +29,19 @@ static void run(struct plant_rig *rig, int milliseconds)
     assert_ok(plant_sample(rig->plant));
 }
 
-static struct motor_command *start(struct plant_rig *rig, enum plant_integrator integrator)
+/* A rig whose hip has its bridge on, at this voltage. */
+static struct motor_command *start(struct plant_rig *rig, enum plant_integrator integrator,
+                                   double voltage_v)
 {
+    struct motor_command *motor;
+
     plant_rig_walker_with(rig, false, integrator, SUBSTEP_NS, 0.0);
     plant_clamp(rig->plant, true);
     plant_rig_reset(rig, 1.0);
-    return &plant_command(rig->plant)->motor[HIP];
+    motor = &plant_command(rig->plant)->motor[HIP];
+    motor->bridge_on = true;
+    motor->voltage_v = voltage_v;
+    return motor;
 }
 
 /* First order for the implicit integrator, which is what it promises. With h R/L = 0.2 a step of
@@ -48,11 +55,9 @@ TEST(open_phase_carries_no_current_whatever_the_bridge_does)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
         struct plant_rig rig CLOSED_BY(plant_rig_fini);
-        struct motor_command *motor = start(&rig, integrators[i]);
+        struct motor_command *motor = start(&rig, integrators[i], 10.0);
         double qm;
 
-        motor->bridge_on = true;
-        motor->voltage_v = 10.0;
         run(&rig, 5);
         assert_true(hip(&rig)->current_a > 1.0);
         motor->condition = DRIVE_OPEN_PHASE;
@@ -73,12 +78,10 @@ TEST(rotor_with_a_broken_spring_coasts_to_rest)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
         struct plant_rig rig CLOSED_BY(plant_rig_fini);
-        struct motor_command *motor = start(&rig, integrators[i]);
+        struct motor_command *motor = start(&rig, integrators[i], 10.0);
         const struct robot_sea sea = rig.toy.joint[HIP].sea;
         double speed;
 
-        motor->bridge_on = true;
-        motor->voltage_v = 10.0;
         motor->condition = DRIVE_SPRING_BREAK;
         run(&rig, 100);
         speed = hip(&rig)->qmd;
@@ -96,15 +99,13 @@ TEST(shorted_winding_brakes_a_loose_rotor)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
         struct plant_rig rig CLOSED_BY(plant_rig_fini);
-        struct motor_command *motor = start(&rig, integrators[i]);
+        struct motor_command *motor = start(&rig, integrators[i], 10.0);
         const struct robot_sea sea = rig.toy.joint[HIP].sea;
         double a = sea.R / sea.L, b = sea.Dm / sea.J;
         double mean = 0.5 * (a + b), product = a * b + sea.Kt * sea.Kw / (sea.J * sea.L);
         double slow = mean - sqrt(mean * mean - product);
         double speed;
 
-        motor->bridge_on = true;
-        motor->voltage_v = 10.0;
         motor->condition = DRIVE_SPRING_BREAK;
         run(&rig, 100);
         motor->condition |= DRIVE_SHORT;
@@ -124,9 +125,7 @@ TEST(short_does_not_ask_the_bridge)
     double speed[2];
 
     for (int on = 0; on < 2; on++) {
-        motor = start(&rig, PLANT_RK4);
-        motor->bridge_on = true;
-        motor->voltage_v = 10.0;
+        motor = start(&rig, PLANT_RK4, 10.0);
         run(&rig, 5);
         motor->condition = DRIVE_SHORT;
         motor->bridge_on = on;
@@ -142,12 +141,10 @@ TEST(jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
         struct plant_rig rig CLOSED_BY(plant_rig_fini);
-        struct motor_command *motor = start(&rig, integrators[i]);
+        struct motor_command *motor = start(&rig, integrators[i], 10.0);
         const struct robot_sea sea = rig.toy.joint[HIP].sea;
         double qm;
 
-        motor->bridge_on = true;
-        motor->voltage_v = 10.0;
         run(&rig, 5);
         motor->voltage_v = 0.0;
         motor->condition = DRIVE_JAM;
@@ -173,11 +170,9 @@ TEST(led_rotor_goes_its_way_whatever_loads_it)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
         struct plant_rig rig CLOSED_BY(plant_rig_fini);
-        struct motor_command *motor = start(&rig, integrators[i]);
+        struct motor_command *motor = start(&rig, integrators[i], 10.0);
         double qm;
 
-        motor->bridge_on = true;
-        motor->voltage_v = 10.0;
         run(&rig, 5);
         qm = hip(&rig)->qm;
         motor->condition = DRIVE_IMPOSED;
@@ -235,7 +230,7 @@ CLOSED_BENCH(plant_rig, struct plant_rig, plant_rig_fini)
 
 TEST_ON(condition_ends_with_a_reset, plant_rig, rig)
 {
-    struct motor_command *motor = start(rig, PLANT_RK4);
+    struct motor_command *motor = start(rig, PLANT_RK4, 10.0);
     uint64_t sound;
 
     run(rig, 5);
@@ -291,10 +286,7 @@ TEST_ON(supply_sags_under_the_power_that_the_bridges_take, plant_rig, rig)
 
 TEST_ON(terminal_voltage_is_clipped_to_the_sagging_source, plant_rig, rig)
 {
-    struct motor_command *motor = start(rig, PLANT_RK4);
-
-    motor->bridge_on = true;
-    motor->voltage_v = 40.0;
+    start(rig, PLANT_RK4, 40.0);
     plant_command(rig->plant)->supply_sag_v = 30.0;
     run(rig, 1);
     assert_true(plant_sensors(rig->plant)->supply_v == 18.0);
@@ -344,15 +336,13 @@ TEST(a_braking_rotor_gives_energy_back)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
         struct plant_rig rig CLOSED_BY(plant_rig_fini);
-        struct motor_command *motor = start(&rig, integrators[i]);
+        struct motor_command *motor = start(&rig, integrators[i], 4.1);
         size_t drive = rig.toy.robot.nq + rig.toy.robot.nv;
         const struct robot_sea *sea = &rig.toy.joint[HIP].sea;
         struct plant_energy energy;
         double from, expected;
 
         motor->condition = DRIVE_SPRING_BREAK;
-        motor->bridge_on = true;
-        motor->voltage_v = 4.1;
         rig.state[drive + DRIVE_MOTOR_SPEED] = 10.0;
         from = rig.state[drive + DRIVE_MOTOR_POSITION];
         assert_ok(plant_restart_energy(rig.plant));

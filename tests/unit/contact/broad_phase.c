@@ -98,6 +98,25 @@ TEST(half_spaces_that_move_are_found_too)
 
 CLOSED_BENCH(arena, struct arena, arena_fini)
 
+/* Two long capsules side by side, this far apart. */
+static void two_capsules(struct arena *arena, double apart, struct broad_capsule capsule,
+                         struct broad_phase *broad)
+{
+    for (int i = 0; i < 2; i++) {
+        surface[i] = (struct contact_surface){.shape = CONTACT_CAPSULE};
+    }
+    pair[0] = (struct contact_pair){.a = 0, .b = 1};
+    config.npair = 1;
+    assert_ok(arena_init(arena, 1 << 20, &error));
+    assert_ok(broad_phase_make(&config, arena, broad, &error));
+    for (int i = 0; i < 2; i++) {
+        broad->ball.x[i] = apart * i;
+        broad->ball.y[i] = broad->ball.z[i] = 0;
+        broad->ball.reach[i] = 1.1;
+        broad->capsule[i] = capsule;
+    }
+}
+
 /* A long capsule that turns about its center comes near another with its end alone. */
 TEST_ON(a_capsule_that_turns_is_found, arena, arena)
 {
@@ -105,19 +124,7 @@ TEST_ON(a_capsule_that_turns_is_found, arena, arena)
     uint64_t near[1];
     int met = 0;
 
-    for (int i = 0; i < 2; i++) {
-        surface[i] = (struct contact_surface){.shape = CONTACT_CAPSULE};
-    }
-    pair[0] = (struct contact_pair){.a = 0, .b = 1};
-    config.npair = 1;
-    assert_ok(arena_init(arena, 1 << 20, &error));
-    assert_ok(broad_phase_make(&config, arena, &broad, &error));
-    for (int i = 0; i < 2; i++) {
-        broad.ball.x[i] = 0.8 * i;
-        broad.ball.y[i] = broad.ball.z[i] = 0;
-        broad.ball.reach[i] = 1.1;
-        broad.capsule[i] = (struct broad_capsule){.half = {0, 0, 1}, .radius = 0.1};
-    }
+    two_capsules(arena, 0.8, (struct broad_capsule){.half = {0, 0, 1}, .radius = 0.1}, &broad);
     for (double angle = 0; angle < 1; angle += 0.001) {
         broad.capsule[0].half[0] = sin(angle);
         broad.capsule[0].half[2] = cos(angle);
@@ -131,21 +138,9 @@ TEST_ON(a_capsule_that_turns_is_found, arena, arena)
 TEST_ON(long_capsules_side_by_side_are_apart_though_their_balls_meet, arena, arena)
 {
     struct broad_phase broad;
-    uint64_t near[(PAIRS + 63) / 64];
+    uint64_t near[1];
 
-    for (int i = 0; i < 2; i++) {
-        surface[i].shape = CONTACT_CAPSULE;
-    }
-    pair[0] = (struct contact_pair){.a = 0, .b = 1};
-    config.npair = 1;
-    assert_ok(arena_init(arena, 1 << 20, &error));
-    assert_ok(broad_phase_make(&config, arena, &broad, &error));
-    for (int i = 0; i < 2; i++) {
-        broad.ball.x[i] = 0.3 * i;
-        broad.ball.y[i] = broad.ball.z[i] = 0;
-        broad.ball.reach[i] = 1.1;
-        broad.capsule[i] = (struct broad_capsule){.half = {0, 0.6, 0.8}, .radius = 0.1};
-    }
+    two_capsules(arena, 0.3, (struct broad_capsule){.half = {0, 0.6, 0.8}, .radius = 0.1}, &broad);
     broad_phase_find(&broad, near);
     assert_int_equal(near[0], 0);
     broad.ball.x[1] = 0.19;
