@@ -117,8 +117,8 @@ struct yaml_schema {
                               const char **path, struct error *error);
 };
 
-/* Rows of a schema, each for a key and a member of a struct. The types are: a whole number as int, a
- * number, seconds as nanoseconds, n numbers, a text, a nested mapping, a list or dictionary of
+/* Rows of a schema, each for a key and a member of a struct. The types are: a whole number as int,
+ * a number, seconds as nanoseconds, n numbers, a text, a nested mapping, a list or dictionary of
  * mappings. */
 #define YAML_COUNT(word, must, type, member, low, high)                                            \
     {                                                                                              \
