@@ -117,8 +117,14 @@ struct yaml_schema {
                               const char **path, struct error *error);
 };
 
-/* Rows of a schema, each for a key and a member of a struct. The types are: a number, seconds as
- * nanoseconds, n numbers, a text, a nested mapping, a list or dictionary of mappings. */
+/* Rows of a schema, each for a key and a member of a struct. The types are: a whole number as int,
+ * a number, seconds as nanoseconds, n numbers, a text, a nested mapping, a list or dictionary of
+ * mappings. */
+#define YAML_COUNT(word, must, type, member, low, high)                                            \
+    {                                                                                              \
+        word, YAML_INT, must, offsetof(struct type, member), .count = sizeof(int), .min = low,     \
+                                                             .max = high                           \
+    }
 #define YAML_NUMBER(word, must, type, member, low, high)                                           \
     {                                                                                              \
         word, YAML_REAL, must, offsetof(struct type, member), .min = low, .max = high              \
@@ -151,6 +157,11 @@ struct yaml_schema {
         .what = text, .size = sizeof(type), .fields = rows,                                        \
         .field_count = sizeof(rows) / sizeof *(rows), __VA_ARGS__                                  \
     }
+
+/* Defines the schema NAME_schema of the array NAME_fields. */
+#define YAML_TABLE(name, text, type, ...)                                                          \
+    static const struct yaml_schema name##_schema =                                                \
+        YAML_SCHEMA(text, struct type, name##_fields, __VA_ARGS__)
 
 /* Reads a file into *out, which starts with schema->defaults. Strings and lists are in arena.
  *

@@ -285,10 +285,7 @@ enum error_code gateway_start(const struct gateway_config *config, struct arena 
     enum error_code code = gateway_check_config(config, error);
     int reason;
 
-    if (code) {
-        return code;
-    }
-    code = gateway_allocate(config, arena, &gateway, error);
+    code = code ? code : gateway_allocate(config, arena, &gateway, error);
     if (code) {
         return code;
     }

@@ -40,8 +40,6 @@ enum {
     GATEWAY_SLCAN = 16, /* most slcan channels */
 };
 
-enum { GATEWAY_PORT = 29536 }; /* default port of socketcand */
-
 #define GATEWAY_ALL "all" /* bus name that opens every bus */
 
 /* How to recognize STEP and DONE (canbus/lockstep.h). */

@@ -170,17 +170,12 @@ static enum error_code interface_apply_settings(const char *name,
                                       ? can_set_bitrate_samplepoint(name, bitrate, sample_point)
                                       : can_set_bitrate(name, bitrate),
                                   name, "set the bit rate of", error);
-    if (code) {
-        return code;
-    }
-    code = interface_check_result(can_set_restart_ms(name, (uint32_t)settings->restart_ms), name,
-                                  "set the restart of", error);
-    if (code) {
-        return code;
-    }
+    code = code ? code
+                : interface_check_result(can_set_restart_ms(name, (uint32_t)settings->restart_ms),
+                                         name, "set the restart of", error);
 
     /* The driver uses the nearest bit rate of its clock, which may be far off */
-    code = interface_query(NULL, name, &info, error);
+    code = code ? code : interface_query(NULL, name, &info, error);
     if (code) {
         return code;
     }
@@ -223,13 +218,9 @@ static enum error_code interface_configure(void *context, const char *name,
                          settings->restart_ms, RESTART_MS_MAX);
     }
 
-    code = interface_check_controller(name, &before, error);
-    if (code) {
-        return code;
-    }
-
     /* A controller takes settings only while it is stopped */
-    code = interface_stop(name, error);
+    code = interface_check_controller(name, &before, error);
+    code = code ? code : interface_stop(name, error);
     if (code) {
         return code;
     }

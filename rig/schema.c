@@ -60,8 +60,7 @@ static const struct yaml_field spring_fields[] = {
     YAML_NUMBER("Ks_nm_rad", true, raw_spring, Ks_nm_rad, 0.0, 1e9),
     YAML_NUMBER("Ds_nm_s_rad", true, raw_spring, Ds_nm_s_rad, 0.0, 1e9),
 };
-static const struct yaml_schema spring_schema = YAML_SCHEMA(
-    "a series spring", struct raw_spring, spring_fields, .name_offset = AT(raw_spring, joint));
+YAML_TABLE(spring, "a series spring", raw_spring, .name_offset = AT(raw_spring, joint));
 
 static const struct yaml_field robot_fields[] = {
     {"file", YAML_STRING, true, .offset = AT(raw_robot, file)},
@@ -72,8 +71,7 @@ static const struct yaml_field robot_fields[] = {
      .max = 1e3},
 };
 static const struct raw_robot robot_defaults = {.variant = ""};
-static const struct yaml_schema robot_schema =
-    YAML_SCHEMA("the robot", struct raw_robot, robot_fields, .defaults = &robot_defaults);
+YAML_TABLE(robot, "the robot", raw_robot, .defaults = &robot_defaults);
 
 static const struct yaml_field initial_fields[] = {
     {"pose", YAML_STRING, true, .offset = AT(raw_initial, pose)},
@@ -85,8 +83,7 @@ static const struct yaml_field initial_fields[] = {
     {"hold", YAML_ENUM, false, AT(raw_initial, hold), .names = rig_hold_words},
     {"settle", YAML_BOOL, false, .offset = AT(raw_initial, settle)},
 };
-static const struct yaml_schema initial_schema =
-    YAML_SCHEMA("the initial state", struct raw_initial, initial_fields);
+YAML_TABLE(initial, "the initial state", raw_initial);
 
 static const struct yaml_field material_fields[] = {
     YAML_NUMBER("young_pa", true, raw_material, material.young_pa, 1.0, 1e12),
@@ -97,8 +94,7 @@ static const struct yaml_field material_fields[] = {
     YAML_NUMBER("dynamic_friction", true, raw_material, material.dynamic_friction, 0.0, 100.0),
     YAML_NUMBER("viscous_s_per_m", true, raw_material, material.viscous_friction, 0.0, 100.0),
 };
-static const struct yaml_schema material_schema = YAML_SCHEMA(
-    "a material", struct raw_material, material_fields, .name_offset = AT(raw_material, name));
+YAML_TABLE(material, "a material", raw_material, .name_offset = AT(raw_material, name));
 
 static const struct yaml_field surface_fields[] = {
     YAML_TEXT("name", true, raw_surface, surface.name, 1, 63),
@@ -110,14 +106,12 @@ static const struct yaml_field surface_fields[] = {
     YAML_NUMBER("radius_m", false, raw_surface, surface.radius_m, 1e-6, 1e3),
     YAML_NUMBER("length_m", false, raw_surface, surface.length_m, 0.0, 1e3),
     YAML_NUMBERS("half_extents_m", false, raw_surface, surface.half_extent_m, 3, 1e-6, 1e3),
-    {"cells", YAML_INT, false, AT(raw_surface, surface.cells_per_edge), .count = sizeof(int),
-     .min = 1, .max = 200},
+    YAML_COUNT("cells", false, raw_surface, surface.cells_per_edge, 1, 200),
     {"mesh", YAML_STRING, false, .offset = AT(raw_surface, mesh)},
     {"material", YAML_STRING, true, .offset = AT(raw_surface, material)},
 };
 static const struct raw_surface surface_defaults = {.surface.cells_per_edge = 7};
-static const struct yaml_schema surface_schema =
-    YAML_SCHEMA("a surface", struct raw_surface, surface_fields, .defaults = &surface_defaults);
+YAML_TABLE(surface, "a surface", raw_surface, .defaults = &surface_defaults);
 
 static const struct yaml_field body_fields[] = {
     YAML_TEXT("name", true, raw_body, body.name, 1, 63),
@@ -131,23 +125,20 @@ static const struct yaml_field body_fields[] = {
     YAML_NUMBERS("velocity_m_s", false, raw_body, body.v, 3, -1e3, 1e3),
     YAML_NUMBERS("rate_rad_s", false, raw_body, body.w, 3, -1e3, 1e3),
 };
-static const struct yaml_schema body_schema =
-    YAML_SCHEMA("a body of the scene", struct raw_body, body_fields);
+YAML_TABLE(body, "a body of the scene", raw_body);
 
 static const struct yaml_field pair_fields[] = {
-    {"between", YAML_NAME_LIST, true, .offset = AT(raw_pair, between),
+    {"between", YAML_NAME_LIST, true, AT(raw_pair, between),
      .count_offset = AT(raw_pair, nbetween)},
 };
-static const struct yaml_schema pair_schema =
-    YAML_SCHEMA("a pair of surfaces", struct raw_pair, pair_fields);
+YAML_TABLE(pair, "a pair of surfaces", raw_pair);
 
 static const struct yaml_field exclude_fields[] = {
-    {"between", YAML_NAME_LIST, true, .offset = AT(raw_pair, between),
+    {"between", YAML_NAME_LIST, true, AT(raw_pair, between),
      .count_offset = AT(raw_pair, nbetween)},
     {"reason", YAML_STRING, false, .offset = AT(raw_pair, reason)},
 };
-static const struct yaml_schema exclude_schema =
-    YAML_SCHEMA("a pair of surfaces to leave out", struct raw_pair, exclude_fields);
+YAML_TABLE(exclude, "a pair of surfaces to leave out", raw_pair);
 
 static const struct yaml_field robot_surfaces_fields[] = {
     {"material", YAML_STRING, true, .offset = AT(raw_robot_surfaces, material)},
@@ -157,9 +148,8 @@ static const struct yaml_field robot_surfaces_fields[] = {
                  exclude_schema),
 };
 static const struct raw_robot_surfaces robot_surfaces_defaults = {.self_collision = true};
-static const struct yaml_schema robot_surfaces_schema =
-    YAML_SCHEMA("the surfaces of the robot", struct raw_robot_surfaces, robot_surfaces_fields,
-                .defaults = &robot_surfaces_defaults);
+YAML_TABLE(robot_surfaces, "the surfaces of the robot", raw_robot_surfaces,
+           .defaults = &robot_surfaces_defaults);
 
 static const struct yaml_field scene_fields[] = {
     {"engine", YAML_ENUM, true, AT(raw_scene, engine), .names = rig_engine_words},
@@ -176,22 +166,19 @@ static const struct yaml_field scene_fields[] = {
 static const struct raw_scene scene_defaults = {.engine = RIG_CONTACT_NONE,
                                                 .contact.transition_velocity_m_s = 0.01,
                                                 .contact.mesh_law = CONTACT_PRESSURE_FIELD};
-static const struct yaml_schema scene_schema =
-    YAML_SCHEMA("the scene", struct raw_scene, scene_fields, .defaults = &scene_defaults);
+YAML_TABLE(scene, "the scene", raw_scene, .defaults = &scene_defaults);
 
 static const struct yaml_field board_fields[] = {
     YAML_TEXT("name", false, raw_board, board.name, 1, 63),
     {"kind", YAML_ENUM, true, AT(raw_board, board.kind), .names = kind_names},
     {"address", YAML_INT, true, AT(raw_board, address), .min = 1, .max = BOARD_ADDRESS_MAX},
     {"model", YAML_STRING, false, .offset = AT(raw_board, model)},
-    {"axes", YAML_NAME_LIST, false, .offset = AT(raw_board, axis),
-     .count_offset = AT(raw_board, naxis)},
+    {"axes", YAML_NAME_LIST, false, AT(raw_board, axis), .count_offset = AT(raw_board, naxis)},
     YAML_NUMBER("current_limit_a", false, raw_board, current_limit_a, DBL_MIN, 1e3),
     YAML_NUMBER("current_gain", false, raw_board, current_gain, 0.01, 100.0),
     YAML_NUMBER("torque_gain", false, raw_board, torque_gain, 0.01, 100.0),
     YAML_NUMBER("torque_offset_nm", false, raw_board, torque_offset_nm, -1e3, 1e3),
-    {"joints", YAML_NAME_LIST, false, .offset = AT(raw_board, joint),
-     .count_offset = AT(raw_board, njoint)},
+    {"joints", YAML_NAME_LIST, false, AT(raw_board, joint), .count_offset = AT(raw_board, njoint)},
     {"sensor", YAML_STRING, false, .offset = AT(raw_board, sensor)},
     YAML_NUMBERS("full_scale_n", false, raw_board, board.full_scale, 3, 1, 65535),
     YAML_NUMBERS("full_scale_nm", false, raw_board, board.full_scale[3], 3, 1, 65535),
@@ -222,8 +209,7 @@ static const struct yaml_field bus_fields[] = {
      .schema = &rig_board_schema, .entry_key = "address"},
 };
 static const struct raw_bus bus_defaults = {.bus.bitrate = 1000000};
-static const struct yaml_schema bus_schema =
-    YAML_SCHEMA("a bus", struct raw_bus, bus_fields, .defaults = &bus_defaults);
+YAML_TABLE(bus, "a bus", raw_bus, .defaults = &bus_defaults);
 
 static const struct yaml_field switches_fields[] = {
     YAML_NUMBER("negative_limit_rad", false, raw_switches, switches.negative_rad, -1e3, 1e3),
@@ -231,9 +217,8 @@ static const struct yaml_field switches_fields[] = {
     YAML_NUMBERS("home_rad", false, raw_switches, switches.home_rad, 2, -1e3, 1e3),
     {"index_pulse", YAML_BOOL, false, .offset = AT(raw_switches, index_pulse)},
 };
-static const struct yaml_schema switches_schema =
-    YAML_SCHEMA("the switches of a joint", struct raw_switches, switches_fields,
-                .name_offset = AT(raw_switches, joint));
+YAML_TABLE(switches, "the switches of a joint", raw_switches,
+           .name_offset = AT(raw_switches, joint));
 
 static const struct yaml_field motors_fields[] = {
     YAML_NUMBER("joint_ticks_per_rev", true, raw_motors, joint_ticks_per_rev, 1.0, 1e9),
@@ -243,8 +228,7 @@ static const struct yaml_field motors_fields[] = {
     YAML_NUMBER("limit_margin_rad", false, raw_motors, limit_margin_rad, 0.0, 1e3),
     YAML_NUMBER("temperature_limit_c", false, raw_motors, axis.temperature_limit_c, 0.0, 125.0),
     YAML_SECONDS("command_timeout_s", false, raw_motors, board.command_timeout_ns, 0.0, 60.0),
-    {"rotor_poles", YAML_INT, false, AT(raw_motors, rotor_poles), .count = sizeof(int), .min = 2,
-     .max = 126},
+    YAML_COUNT("rotor_poles", false, raw_motors, rotor_poles, 2, 126),
     YAML_SECONDS("status_period_s", false, raw_motors, board.status_period_ns, 0.0, 10.0),
     YAML_SECONDS("boot_s", false, raw_motors, board.boot_ns, 0.0, 60.0),
     YAML_SECONDS("reply_delay_s", false, raw_motors, board.reply.delay_ns, 0.0, BOARD_REPLY_MAX_S),
@@ -264,23 +248,19 @@ static const struct raw_motors motors_defaults = {.rotor_poles = 8,
                                                             .period_ns = 1000000,
                                                             .external_timeout_ns = 20000000},
                                                   .axis.temperature_limit_c = 70.0};
-static const struct yaml_schema motors_schema =
-    YAML_SCHEMA("the motor boards", struct raw_motors, motors_fields, .defaults = &motors_defaults);
+YAML_TABLE(motors, "the motor boards", raw_motors, .defaults = &motors_defaults);
 
 static const struct yaml_field wire_fields[] = {
     {"mode", YAML_ENUM, false, AT(rig_wire, timed), .names = rig_wire_words},
     {"pace", YAML_ENUM, false, AT(rig_wire, paced), .names = wire_pace_names},
     {"order", YAML_ENUM, false, AT(rig_wire, fifo), .names = wire_order_names},
 };
-static const struct yaml_schema wire_schema =
-    YAML_SCHEMA("the wire", struct rig_wire, wire_fields, .unmarked = true);
+YAML_TABLE(wire, "the wire", rig_wire, .unmarked = true);
 
 static const struct yaml_field lockstep_fields[] = {
     {"bus", YAML_STRING, false, .offset = AT(raw_lockstep, bus)},
-    {"step_id", YAML_INT, false, AT(raw_lockstep, lockstep.step_id), .count = sizeof(int), .min = 0,
-     .max = 0x7ff},
-    {"done_id", YAML_INT, false, AT(raw_lockstep, lockstep.done_id), .count = sizeof(int), .min = 0,
-     .max = 0x7ff},
+    YAML_COUNT("step_id", false, raw_lockstep, lockstep.step_id, 0, 0x7ff),
+    YAML_COUNT("done_id", false, raw_lockstep, lockstep.done_id, 0, 0x7ff),
     YAML_SECONDS("partner_timeout_s", false, raw_lockstep, lockstep.partner_timeout_ns, 0.01,
                  3600.0),
 };
@@ -288,39 +268,33 @@ static const struct raw_lockstep lockstep_defaults = {
     .lockstep = {.step_id = LOCKSTEP_STEP_ID,
                  .done_id = LOCKSTEP_DONE_ID,
                  .partner_timeout_ns = 1000000000}};
-static const struct yaml_schema lockstep_schema =
-    YAML_SCHEMA("lockstep", struct raw_lockstep, lockstep_fields, .defaults = &lockstep_defaults);
+YAML_TABLE(lockstep, "lockstep", raw_lockstep, .defaults = &lockstep_defaults);
 
 static const struct yaml_field realtime_fields[] = {
-    {"priority", YAML_INT, false, AT(rig_realtime, priority), .count = sizeof(int), .min = 0,
-     .max = 99},
-    {"cpu", YAML_INT, false, AT(rig_realtime, cpu), .count = sizeof(int), .min = -1, .max = 1023},
+    YAML_COUNT("priority", false, rig_realtime, priority, 0, 99),
+    YAML_COUNT("cpu", false, rig_realtime, cpu, -1, 1023),
     {"lock_memory", YAML_BOOL, false, .offset = AT(rig_realtime, lock_memory)},
     {"overrun", YAML_ENUM, false, AT(rig_realtime, overrun), .names = loop_overrun_words},
 };
 static const struct rig_realtime realtime_defaults = {
     .priority = 80, .cpu = -1, .lock_memory = true, .overrun = LOOP_OVERRUN_SKIP};
-static const struct yaml_schema realtime_schema =
-    YAML_SCHEMA("the real-time settings", struct rig_realtime, realtime_fields, .unmarked = true,
-                .defaults = &realtime_defaults);
+YAML_TABLE(realtime, "the real-time settings", rig_realtime, .unmarked = true,
+           .defaults = &realtime_defaults);
 
 static const struct yaml_field record_fields[] = {
     YAML_TEXT("directory", false, rig_record, directory, 1, 4000),
     {"format", YAML_ENUM, false, AT(rig_record, format), .names = recorder_format_words},
 };
 static const struct rig_record record_defaults = {.format = RECORDER_CSV};
-static const struct yaml_schema record_schema = YAML_SCHEMA(
-    "the record", struct rig_record, record_fields, .unmarked = true, .defaults = &record_defaults);
+YAML_TABLE(record, "the record", rig_record, .unmarked = true, .defaults = &record_defaults);
 
 static const struct yaml_field page_fields[] = {
     YAML_TEXT("listen", true, rig_page, listen, 1, 80),
 };
-static const struct yaml_schema page_schema =
-    YAML_SCHEMA("the page", struct rig_page, page_fields, .unmarked = true);
+YAML_TABLE(page, "the page", rig_page, .unmarked = true);
 
 static const struct yaml_field gains_fields[] = {
-    {"joints", YAML_NAME_LIST, true, .offset = AT(raw_gains, joint),
-     .count_offset = AT(raw_gains, njoint)},
+    {"joints", YAML_NAME_LIST, true, AT(raw_gains, joint), .count_offset = AT(raw_gains, njoint)},
     YAML_NUMBER("kp_v_per_rad", false, raw_gains, gains.kp_v_per_rad, 0.0, 1e6),
     YAML_NUMBER("ki_v_per_rad_s", false, raw_gains, gains.ki_v_per_rad_s, 0.0, 1e6),
     YAML_NUMBER("kd_v_s_per_rad", false, raw_gains, gains.kd_v_s_per_rad, 0.0, 1e6),
@@ -345,19 +319,16 @@ static const struct yaml_field servo_fields[] = {
     YAML_ENTRIES("others", YAML_LIST, false, raw_servo, other, nother, gains_schema),
     YAML_NUMBER("command_period_s", true, raw_servo, command_period_s, 1e-5, 1.0),
 };
-static const struct yaml_schema servo_schema =
-    YAML_SCHEMA("the servo", struct raw_servo, servo_fields);
+YAML_TABLE(servo, "the servo", raw_servo);
 
 static const struct yaml_field squat_fields[] = {
     YAML_NUMBER("thigh_m", true, squat_config, thigh_m, 0.01, 10.0),
     YAML_NUMBER("shank_m", true, squat_config, shank_m, 0.01, 10.0),
     YAML_NUMBER("depth_m", true, squat_config, depth_m, 0.0, 10.0),
     YAML_NUMBER("period_s", true, squat_config, period_s, 0.1, 1e3),
-    {"cycles", YAML_INT, true, AT(squat_config, cycles), .count = sizeof(int), .min = 1,
-     .max = 1e6},
+    YAML_COUNT("cycles", true, squat_config, cycles, 1, 1e6),
 };
-static const struct yaml_schema squat_schema =
-    YAML_SCHEMA("the squat", struct squat_config, squat_fields, .unmarked = true);
+YAML_TABLE(squat, "the squat", squat_config, .unmarked = true);
 
 static const struct yaml_field phase_fields[] = {
     YAML_TEXT("name", true, grasp_phase, name, 1, 31),
@@ -365,8 +336,7 @@ static const struct yaml_field phase_fields[] = {
     YAML_NUMBERS("arm_rad", true, grasp_phase, arm_rad, GRASP_JOINTS, -7.0, 7.0),
     {"closed", YAML_BOOL, false, .offset = AT(grasp_phase, closed)},
 };
-static const struct yaml_schema phase_schema =
-    YAML_SCHEMA("a phase", struct grasp_phase, phase_fields, .unmarked = true);
+YAML_TABLE(phase, "a phase", grasp_phase, .unmarked = true);
 
 static const struct yaml_field grasp_fields[] = {
     YAML_NUMBER("settle_s", true, grasp_config, settle_s, 0.1, 1e3),
@@ -375,16 +345,14 @@ static const struct yaml_field grasp_fields[] = {
     YAML_NUMBER("least_press_n", true, grasp_config, least_press_n, 0.0, 1e6),
     YAML_NUMBER("least_carry_n", true, grasp_config, least_carry_n, 0.0, 1e6),
 };
-static const struct yaml_schema grasp_schema =
-    YAML_SCHEMA("the grasp", struct grasp_config, grasp_fields, .unmarked = true);
+YAML_TABLE(grasp, "the grasp", grasp_config, .unmarked = true);
 
 static const struct yaml_field hold_fields[] = {
     YAML_NUMBER("duration_s", false, hold_config, duration_s, 0.0, 1e6),
     YAML_NUMBER("tolerance_rad", false, hold_config, tolerance_rad, 1e-6, 10.0),
 };
 static const struct hold_config hold_defaults = {.duration_s = 10.0, .tolerance_rad = 0.05};
-static const struct yaml_schema hold_schema = YAML_SCHEMA(
-    "the hold task", struct hold_config, hold_fields, .unmarked = true, .defaults = &hold_defaults);
+YAML_TABLE(hold, "the hold task", hold_config, .unmarked = true, .defaults = &hold_defaults);
 
 /* Row for a number of the walk. `of`: path to a struct in struct raw_walk. `key`: also the name of
  * the number's member in this struct. */
@@ -466,16 +434,14 @@ static const struct yaml_field tasks_fields[] = {
     YAML_SECTION("hold", false, raw_rig, rig.hold_task, hold_schema),
     YAML_SECTION("walk", false, raw_rig, walk, walk_schema),
 };
-static const struct yaml_schema tasks_schema =
-    YAML_SCHEMA("the tasks", struct raw_rig, tasks_fields, .unmarked = true);
+YAML_TABLE(tasks, "the tasks", raw_rig, .unmarked = true);
 
 static const struct yaml_field chopper_fields[] = {
     YAML_NUMBER("on_v", true, raw_rig, rig.supply_bus.on_v, DBL_MIN, 1e4),
     YAML_NUMBER("off_v", true, raw_rig, rig.supply_bus.off_v, DBL_MIN, 1e4),
     YAML_NUMBER("ohm", true, raw_rig, rig.supply_bus.brake_ohm, 1e-3, 1e6),
 };
-static const struct yaml_schema chopper_schema =
-    YAML_SCHEMA("a brake chopper", struct raw_rig, chopper_fields, .unmarked = true);
+YAML_TABLE(chopper, "a brake chopper", raw_rig, .unmarked = true);
 
 static const struct yaml_field rig_fields[] = {
     YAML_TEXT("name", true, raw_rig, rig.name, 1, 63),
@@ -495,7 +461,7 @@ static const struct yaml_field rig_fields[] = {
     YAML_SECTION("motors", true, raw_rig, motors, motors_schema),
     {"buses", YAML_LIST, true, AT(raw_rig, bus), AT(raw_rig, rig.nbus), .schema = &bus_schema,
      .entry_key = "name"},
-    {"undriven", YAML_NAME_LIST, false, .offset = AT(raw_rig, undriven),
+    {"undriven", YAML_NAME_LIST, false, AT(raw_rig, undriven),
      .count_offset = AT(raw_rig, nundriven)},
     YAML_SECTION("wire", false, raw_rig, rig.wire, wire_schema),
     YAML_SECTION("lockstep", false, raw_rig, lockstep, lockstep_schema),
@@ -504,7 +470,7 @@ static const struct yaml_field rig_fields[] = {
     YAML_SECTION("page", false, raw_rig, rig.page, page_schema),
     {"tasks", YAML_MAP, false, .schema = &tasks_schema},
     YAML_SECTION("sensors", false, raw_rig, sensors, rig_sensors_schema),
-    {"faults", YAML_NAME_LIST, false, .offset = AT(raw_rig, rig.fault),
+    {"faults", YAML_NAME_LIST, false, AT(raw_rig, rig.fault),
      .count_offset = AT(raw_rig, rig.nfault)},
     {"seed", YAML_INT, false, AT(raw_rig, rig.seed), .min = 0, .max = 9e15},
     YAML_NUMBER("voltage_delay_s", false, raw_rig, voltage_delay_s, 0.0, 0.1),

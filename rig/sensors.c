@@ -25,8 +25,7 @@ static const struct yaml_field channel_fields[] = {
     YAML_NUMBER("offset_per_k", false, sensor_error, offset_per_k, -1e6, 1e6),
     YAML_NUMBER("gain_per_k", false, sensor_error, gain_per_k, -1.0, 1.0),
 };
-static const struct yaml_schema channel_schema =
-    YAML_SCHEMA("a channel of a sensor", struct sensor_error, channel_fields, .unmarked = true);
+YAML_TABLE(channel, "a channel of a sensor", sensor_error, .unmarked = true);
 
 static const struct yaml_field winding_fields[] = {
     YAML_NUMBER("ambient_c", false, sensor_thermal, ambient_c, -60.0, 100.0),
@@ -34,16 +33,14 @@ static const struct yaml_field winding_fields[] = {
     YAML_NUMBER("time_constant_s", true, sensor_thermal, time_constant_s, 1e-3, 1e6),
 };
 static const struct sensor_thermal winding_defaults = {.ambient_c = 25.0};
-static const struct yaml_schema winding_schema =
-    YAML_SCHEMA("a winding that heats", struct sensor_thermal, winding_fields, .unmarked = true,
-                .defaults = &winding_defaults);
+YAML_TABLE(winding, "a winding that heats", sensor_thermal, .unmarked = true,
+           .defaults = &winding_defaults);
 
 static const struct yaml_field warm_up_fields[] = {
     YAML_NUMBER("rise_k", true, sensor_warm_up, rise_k, -100.0, 200.0),
     YAML_NUMBER("time_constant_s", true, sensor_warm_up, time_constant_s, 1e-3, 1e6),
 };
-static const struct yaml_schema warm_up_schema =
-    YAML_SCHEMA("the warming of a sensor", struct sensor_warm_up, warm_up_fields, .unmarked = true);
+YAML_TABLE(warm_up, "the warming of a sensor", sensor_warm_up, .unmarked = true);
 
 static const struct yaml_field joint_fields[] = {
     YAML_SECTION("link_encoder_rad", false, raw_joint_sensors, sensor.link_encoder, channel_schema),
@@ -60,17 +57,15 @@ static const struct yaml_field joint_fields[] = {
     {"motor_encoder_from_start", YAML_BOOL, false,
      .offset = AT(raw_joint_sensors, sensor.incremental)},
 };
-static const struct yaml_schema joint_schema =
-    YAML_SCHEMA("the sensors of a joint", struct raw_joint_sensors, joint_fields,
-                .name_offset = AT(raw_joint_sensors, sensor.name));
+YAML_TABLE(joint, "the sensors of a joint", raw_joint_sensors,
+           .name_offset = AT(raw_joint_sensors, sensor.name));
 
 static const struct yaml_field tool_fields[] = {
     YAML_NUMBER("mass_kg", true, robot_inertia, mass, 1e-6, 1e3),
     YAML_NUMBERS("com_m", true, robot_inertia, com, 3, -10.0, 10.0),
     YAML_NUMBERS("inertia_kg_m2", false, robot_inertia, I, 6, -1e3, 1e3),
 };
-static const struct yaml_schema tool_schema = YAML_SCHEMA(
-    "what hangs beyond a force-torque sensor", struct robot_inertia, tool_fields, .unmarked = true);
+YAML_TABLE(tool, "what hangs beyond a force-torque sensor", robot_inertia, .unmarked = true);
 
 static const struct yaml_field ft_fields[] = {
     YAML_SECTION("force_n", false, raw_ft_sensors, sensor.force, channel_schema),
@@ -79,18 +74,15 @@ static const struct yaml_field ft_fields[] = {
     YAML_SECTION("warm_up", false, raw_ft_sensors, sensor.warm_up, warm_up_schema),
     YAML_SECTION("tool", false, raw_ft_sensors, tool, tool_schema),
 };
-static const struct yaml_schema ft_schema =
-    YAML_SCHEMA("a force-torque sensor", struct raw_ft_sensors, ft_fields,
-                .name_offset = AT(raw_ft_sensors, sensor.name));
+YAML_TABLE(ft, "a force-torque sensor", raw_ft_sensors,
+           .name_offset = AT(raw_ft_sensors, sensor.name));
 
 static const struct yaml_field ahrs_fields[] = {
     YAML_NUMBER("accel_per_s", true, ahrs_config, accel_per_s, 0.0, 10.0),
     YAML_NUMBER("magnetic_per_s", false, ahrs_config, magnetic_per_s, 0.0, 10.0),
     YAML_NUMBER("bias_per_s2", false, ahrs_config, bias_per_s2, 0.0, 100.0),
 };
-static const struct yaml_schema ahrs_schema =
-    YAML_SCHEMA("the attitude filter of the inertial sensor", struct ahrs_config, ahrs_fields,
-                .unmarked = true);
+YAML_TABLE(ahrs, "the attitude filter of the inertial sensor", ahrs_config, .unmarked = true);
 
 static const struct yaml_field imu_fields[] = {
     YAML_SECTION("gyro_rad_s", false, raw_imu_sensors, sensor.gyro, channel_schema),
@@ -104,16 +96,14 @@ static const struct yaml_field imu_fields[] = {
     YAML_SECTION("warm_up", false, raw_imu_sensors, sensor.warm_up, warm_up_schema),
     YAML_SECTION("ahrs", false, raw_imu_sensors, sensor.ahrs, ahrs_schema),
 };
-static const struct yaml_schema imu_schema =
-    YAML_SCHEMA("the inertial sensor", struct raw_imu_sensors, imu_fields);
+YAML_TABLE(imu, "the inertial sensor", raw_imu_sensors);
 
 static const struct yaml_field clocks_fields[] = {
     YAML_SECONDS("period_s", true, sensor_clocks, period_ns, 1e-6,
                  1e-9 * (double)SENSING_LATENCY_MAX_NS),
     YAML_NUMBER("drift_ppm", false, sensor_clocks, drift_ppm, 0.0, SENSING_CLOCK_DRIFT_MAX_PPM),
 };
-static const struct yaml_schema clocks_schema = YAML_SCHEMA(
-    "the sampling clocks of the boards", struct sensor_clocks, clocks_fields, .unmarked = true);
+YAML_TABLE(clocks, "the sampling clocks of the boards", sensor_clocks, .unmarked = true);
 
 static const struct yaml_field sensors_fields[] = {
     YAML_SECTION("every_joint", false, raw_sensors, every_joint, joint_schema),

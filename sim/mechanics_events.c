@@ -433,19 +433,6 @@ bool watch_found_energy(const struct watch *watch)
     return atomic_load(&watch->found_energy);
 }
 
-/* Finds the ends of limbs: bodies without children. */
-static void find_limb_ends(struct watch *watch)
-{
-    const struct robot *robot = watch->rig->robot;
-
-    for (size_t b = 0; b < robot->nbody; b++) {
-        watch->limb_end[b] = true;
-    }
-    for (size_t b = 1; b < robot->nbody; b++) {
-        watch->limb_end[robot->body[b].parent] = false;
-    }
-}
-
 enum error_code watch_create(const struct rig *rig, struct plant *plant, struct arena *arena,
                              struct watch **out, struct error *error)
 {
@@ -472,7 +459,13 @@ enum error_code watch_create(const struct rig *rig, struct plant *plant, struct 
         return error_set(error, ERROR_MEMORY, "no memory left for the log of the robot");
     }
     ring_init(&watch->events, slots, sizeof(struct watch_event), EVENT_SLOTS);
-    find_limb_ends(watch);
+    /* The ends of limbs are the bodies without children */
+    for (size_t b = 0; b < robot->nbody; b++) {
+        watch->limb_end[b] = true;
+    }
+    for (size_t b = 1; b < robot->nbody; b++) {
+        watch->limb_end[robot->body[b].parent] = false;
+    }
 
     /* The reference for falls: up, and the posture at the start */
     watch->falls = robot->floating && gravity > 0.0;

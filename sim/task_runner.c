@@ -68,10 +68,7 @@ enum error_code task_runner_create(const struct rig *rig, const char *task,
         .time = time,
     };
     code = snapshot_create(sizeof(struct task_runner_status), arena, &runner->published, error);
-    if (code) {
-        return code;
-    }
-    code = task_create(task, &config, arena, &runner->task, error);
+    code = code ? code : task_create(task, &config, arena, &runner->task, error);
     if (code) {
         return code;
     }

@@ -2,9 +2,6 @@
 /* `main` of a test program whose tests register themselves. */
 #include "tests/test.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-
 enum { TESTS_MAX = 256 };
 
 static struct CMUnitTest tests[TESTS_MAX];

@@ -45,6 +45,9 @@ void test_register_group(CMFixtureFunction set_up, CMFixtureFunction tear_down);
         fail_msg("%s", message);                                                                   \
     }
 
+/* Closes a variable, which the test has opened, at the end of its block. */
+#define CLOSED_BY(close) __attribute__((cleanup(close)))
+
 #define TEST(name) TEST_WITH(name, NULL, NULL)
 #define TEST_WITH(name, set_up, tear_down)                                                         \
     static void name(void **test_state);                                                           \

@@ -130,26 +130,21 @@ static const char *joint_name(const struct rig *rig, int joint)
     return joint < 0 ? "spare" : rig->robot->joint[joint].name;
 }
 
-/* Prints the joints of a motor board's axes, and unused axes if the protocol has them. */
-static void print_axes(const struct rig *rig, const struct board_config *board)
-{
-    const struct protocol *protocol = rig->bus[board->bus].protocol;
-    size_t most = protocol->axes_max;
-
-    printf("motor   ");
-    for (size_t i = 0; i < most && (board->axis[i].joint >= 0 || protocol->spare_axes); i++) {
-        printf("%s%s", i ? ", " : "", joint_name(rig, board->axis[i].joint));
-    }
-    printf("\n");
-}
-
 /* Prints a board: address, kind, measured quantities, and whether it is external. */
 static void print_board(const struct rig *rig, const struct board_config *board)
 {
+    const struct protocol *protocol = rig->bus[board->bus].protocol;
+    const size_t most = protocol->axes_max;
+
     printf("    0x%02x ", board->address);
     switch (board->kind) {
     case BOARD_MOTOR:
-        print_axes(rig, board);
+        /* The joints of its axes, and unused axes if the protocol has them */
+        printf("motor   ");
+        for (size_t i = 0; i < most && (board->axis[i].joint >= 0 || protocol->spare_axes); i++) {
+            printf("%s%s", i ? ", " : "", joint_name(rig, board->axis[i].joint));
+        }
+        printf("\n");
         break;
     case BOARD_FT:
         printf("F/T     %s, %g N, %g N m, every %g ms\n", rig->robot->ft[board->ft].name,

@@ -143,23 +143,11 @@ static void list_print_name(const char *name, const char *text)
     puts(name);
 }
 
-/* Lists the settings of all tasks. */
-static void list_print_settings(list_put put)
-{
-    char text[64];
-
-    for (const char *const *task = task_names(); *task; task++) {
-        snprintf(text, sizeof text, "of the task %s", *task);
-        for (const char *const *name = task_setting_names(*task); *name; name++) {
-            put(*name, text);
-        }
-    }
-}
-
 /* Lists one kind; joints and faults need a rig. */
 static enum error_code list_print_noun(int noun, const char *rig, bool names, struct error *error)
 {
     list_put put = names ? list_print_name : list_print_line;
+    char text[64];
 
     switch (noun) {
     case LIST_TASKS:
@@ -168,7 +156,12 @@ static enum error_code list_print_noun(int noun, const char *rig, bool names, st
         }
         return ERROR_NONE;
     case LIST_SETTINGS:
-        list_print_settings(put);
+        for (const char *const *task = task_names(); *task; task++) {
+            snprintf(text, sizeof text, "of the task %s", *task);
+            for (const char *const *name = task_setting_names(*task); *name; name++) {
+                put(*name, text);
+            }
+        }
         return ERROR_NONE;
     case LIST_JOINTS:
     case LIST_FAULTS:

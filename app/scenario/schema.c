@@ -21,30 +21,26 @@ static const struct yaml_field frame_fields[] = {
     {"remote", YAML_BOOL, false, .offset = AT(scenario_frame, remote)},
 };
 static const struct scenario_frame frame_defaults = {.copies = 1};
-static const struct yaml_schema frame_schema =
-    YAML_SCHEMA("a frame", struct scenario_frame, frame_fields, .defaults = &frame_defaults);
+YAML_TABLE(frame, "a frame", scenario_frame, .defaults = &frame_defaults);
 
 static const struct yaml_field voltage_fields[] = {
     YAML_TEXT("joint", true, scenario_voltage, joint, 1, 63),
     YAML_NUMBER("volts", true, scenario_voltage, volts, -1e3, 1e3),
 };
-static const struct yaml_schema voltage_schema =
-    YAML_SCHEMA("a voltage", struct scenario_voltage, voltage_fields);
+YAML_TABLE(voltage, "a voltage", scenario_voltage);
 
 static const struct yaml_field motor_fields[] = {
     YAML_TEXT("joint", true, scenario_motor, joint, 1, 63),
     {"on", YAML_BOOL, true, .offset = AT(scenario_motor, on)},
 };
-static const struct yaml_schema motor_schema =
-    YAML_SCHEMA("a motor", struct scenario_motor, motor_fields);
+YAML_TABLE(motor, "a motor", scenario_motor);
 
 static const struct yaml_field push_fields[] = {
     YAML_TEXT("body", true, scenario_push, body, 1, 63),
     YAML_NUMBERS("force_n", false, scenario_push, force_n, 3, -1e5, 1e5),
     YAML_NUMBERS("moment_nm", false, scenario_push, moment_nm, 3, -1e5, 1e5),
 };
-static const struct yaml_schema push_schema =
-    YAML_SCHEMA("a push", struct scenario_push, push_fields);
+YAML_TABLE(push, "a push", scenario_push);
 
 static const struct yaml_field stimulus_fields[] = {
     YAML_TEXT("label", false, scenario_stimulus, label, 1, 63),
@@ -59,8 +55,7 @@ static const struct yaml_field stimulus_fields[] = {
     YAML_TEXT("fault", false, scenario_stimulus, fault, 1, 140),
     {"silence", YAML_BOOL, false, .offset = AT(scenario_stimulus, silence)},
 };
-static const struct yaml_schema stimulus_schema =
-    YAML_SCHEMA("a stimulus", struct scenario_stimulus, stimulus_fields);
+YAML_TABLE(stimulus, "a stimulus", scenario_stimulus);
 
 static const struct yaml_field pattern_fields[] = {
     YAML_TEXT("bus", true, scenario_pattern, bus, 1, 63),
@@ -71,8 +66,7 @@ static const struct yaml_field pattern_fields[] = {
     {"data", YAML_STRING, false, .offset = AT(scenario_pattern, data)},
 };
 static const struct scenario_pattern pattern_defaults = {.id_mask = 0x1fffffff};
-static const struct yaml_schema pattern_schema = YAML_SCHEMA(
-    "a pattern of frames", struct scenario_pattern, pattern_fields, .defaults = &pattern_defaults);
+YAML_TABLE(pattern, "a pattern of frames", scenario_pattern, .defaults = &pattern_defaults);
 
 static const struct yaml_field expectation_fields[] = {
     YAML_TEXT("name", true, scenario_expectation, name, 1, 95),
@@ -90,23 +84,21 @@ static const struct yaml_field expectation_fields[] = {
     YAML_NUMBERS("period_s", false, scenario_expectation, period_s, 2, 0.0, 1e5),
     {"never", YAML_BOOL, false, .offset = AT(scenario_expectation, never)},
 };
-static const struct yaml_schema expectation_schema =
-    YAML_SCHEMA("an expectation", struct scenario_expectation, expectation_fields);
+YAML_TABLE(expectation, "an expectation", scenario_expectation);
 
 static const struct yaml_field mutation_fields[] = {
     YAML_TEXT("name", true, scenario_mutation, name, 1, 63),
     YAML_TEXT("fault", false, scenario_mutation, fault, 1, 159),
     YAML_TEXT("without", false, scenario_mutation, without, 1, 63),
-    {"fails", YAML_NAME_LIST, false, .offset = AT(scenario_mutation, fails),
+    {"fails", YAML_NAME_LIST, false, AT(scenario_mutation, fails),
      .count_offset = AT(scenario_mutation, nfail)},
 };
-static const struct yaml_schema mutation_schema =
-    YAML_SCHEMA("a mutation", struct scenario_mutation, mutation_fields);
+YAML_TABLE(mutation, "a mutation", scenario_mutation);
 
 static const struct yaml_field parameter_fields[] = {
-    {"values", YAML_REAL_LIST, false, .offset = AT(scenario_parameter, value),
+    {"values", YAML_REAL_LIST, false, AT(scenario_parameter, value),
      .count_offset = AT(scenario_parameter, nvalue)},
-    {"words", YAML_NAME_LIST, false, .offset = AT(scenario_parameter, word),
+    {"words", YAML_NAME_LIST, false, AT(scenario_parameter, word),
      .count_offset = AT(scenario_parameter, nword)},
 };
 const struct yaml_schema scenario_parameter_schema =
@@ -131,8 +123,7 @@ static const struct yaml_field scenario_fields[] = {
     YAML_TEXT("task", false, scenario, task, 1, 31),
     YAML_ENTRIES("parameters", YAML_DICT, false, scenario, parameter, nparameter,
                  scenario_parameter_schema),
-    {"faults", YAML_NAME_LIST, false, .offset = AT(scenario, fault),
-     .count_offset = AT(scenario, nfault)},
+    {"faults", YAML_NAME_LIST, false, AT(scenario, fault), .count_offset = AT(scenario, nfault)},
     YAML_ENTRIES("stimuli", YAML_LIST, false, scenario, stimulus, nstimulus, stimulus_schema),
     YAML_ENTRIES("clean_up", YAML_LIST, false, scenario, clean_up, ncleanup, stimulus_schema),
     YAML_ENTRIES("expectations", YAML_LIST, true, scenario, expectation, nexpectation,

@@ -25,9 +25,8 @@ static const struct yaml_field parameter_fields[] = {
     YAML_NUMBERS("normal", false, sweep_parameter, normal, 2, -1e9, 1e9),
     YAML_NUMBERS("limits", false, sweep_parameter, limits, 2, -1e10, 1e10),
 };
-static const struct yaml_schema parameter_schema =
-    YAML_SCHEMA("a parameter", struct sweep_parameter, parameter_fields,
-                .name_offset = offsetof(struct sweep_parameter, name));
+YAML_TABLE(parameter, "a parameter", sweep_parameter,
+           .name_offset = offsetof(struct sweep_parameter, name));
 
 static const struct yaml_field sweep_fields[] = {
     YAML_TEXT("name", true, sweep, name, 1, 63),

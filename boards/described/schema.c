@@ -68,6 +68,11 @@ static const struct word target_names[] = {
     {"current_cap", DESCRIBED_TO_CURRENT_CAP},
     {NULL, 0},
 };
+#define XYZ(word, first)                                                                           \
+    {word "_x", first}, {word "_y", (first) + 1},                                                  \
+    {                                                                                              \
+        word "_z", (first) + 2                                                                     \
+    }
 static const struct word source_names[] = {
     {"address", DESCRIBED_ADDRESS},
     {"axis", DESCRIBED_AXIS},
@@ -117,25 +122,13 @@ static const struct word source_names[] = {
     {"serial", DESCRIBED_SERIAL},
     {"echo", DESCRIBED_ECHO},
     {"saturated", DESCRIBED_SATURATED},
-    {"force_x", DESCRIBED_FT_CHANNEL},
-    {"force_y", DESCRIBED_FT_CHANNEL + 1},
-    {"force_z", DESCRIBED_FT_CHANNEL + 2},
-    {"moment_x", DESCRIBED_FT_CHANNEL + 3},
-    {"moment_y", DESCRIBED_FT_CHANNEL + 4},
-    {"moment_z", DESCRIBED_FT_CHANNEL + 5},
-    {"acceleration_x", DESCRIBED_ACCELERATION},
-    {"acceleration_y", DESCRIBED_ACCELERATION + 1},
-    {"acceleration_z", DESCRIBED_ACCELERATION + 2},
-    {"rate_x", DESCRIBED_RATE},
-    {"rate_y", DESCRIBED_RATE + 1},
-    {"rate_z", DESCRIBED_RATE + 2},
+    XYZ("force", DESCRIBED_FT_CHANNEL),
+    XYZ("moment", DESCRIBED_FT_CHANNEL + 3),
+    XYZ("acceleration", DESCRIBED_ACCELERATION),
+    XYZ("rate", DESCRIBED_RATE),
     {"quaternion_w", DESCRIBED_QUATERNION},
-    {"quaternion_x", DESCRIBED_QUATERNION + 1},
-    {"quaternion_y", DESCRIBED_QUATERNION + 2},
-    {"quaternion_z", DESCRIBED_QUATERNION + 3},
-    {"magnetic_x", DESCRIBED_MAGNETIC},
-    {"magnetic_y", DESCRIBED_MAGNETIC + 1},
-    {"magnetic_z", DESCRIBED_MAGNETIC + 2},
+    XYZ("quaternion", DESCRIBED_QUATERNION + 1),
+    XYZ("magnetic", DESCRIBED_MAGNETIC),
     {"roll", DESCRIBED_EULER},
     {"pitch", DESCRIBED_EULER + 1},
     {"yaw", DESCRIBED_EULER + 2},
@@ -164,9 +157,8 @@ const char *described_meaning_name(enum described_meaning meaning, bool from_hos
 #define STRUCT raw_described_field
 static const struct yaml_field field_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
-    {"bits", YAML_INT, true, AT(bits), .count = sizeof(int), .min = 1, .max = 32},
-    {"at_bit", YAML_INT, false, AT(at_bit), .count = sizeof(int), .min = 0,
-     .max = 8 * DESCRIBED_LENGTH_MAX - 1},
+    YAML_COUNT("bits", true, STRUCT, bits, 1, 32),
+    YAML_COUNT("at_bit", false, STRUCT, at_bit, 0, 8 * DESCRIBED_LENGTH_MAX - 1),
     {"type", YAML_ENUM, false, AT(type), .names = type_names},
     {"order", YAML_ENUM, false, AT(order), .names = order_names},
     {"scale", YAML_REAL, false, AT(field.scale), .min = -1e12, .max = 1e12},
@@ -181,38 +173,32 @@ static const struct yaml_field field_fields[] = {
     {"counter", YAML_BOOL, false, .offset = AT(counter)},
     {"checksum", YAML_ENUM, false, AT(checksum), .names = checksum_names},
     {"host_value", YAML_REAL, false, AT(field.host), .min = -1e12, .max = 1e12},
-    {"axis", YAML_INT, false, AT(field.axis), .count = sizeof(int), .min = 0,
-     .max = DESCRIBED_AXES - 1},
+    YAML_COUNT("axis", false, STRUCT, field.axis, 0, DESCRIBED_AXES - 1),
     {"values", YAML_REAL_DICT, false, AT(entry), .count_offset = AT(nentry)},
 };
 /* The loader sets the `constant` of an echo later (described_link_echo) */
 static const struct raw_described_field field_defaults = {
     .field = {.constant = -1, .scale = 1.0, .times = -1}};
-static const struct yaml_schema field_schema =
-    YAML_SCHEMA("a field", struct raw_described_field, field_fields, .defaults = &field_defaults);
+YAML_TABLE(field, "a field", raw_described_field, .defaults = &field_defaults);
 
 #undef STRUCT
 #define STRUCT raw_described_frame
 static const struct yaml_field frame_fields[] = {
     {"name", YAML_STRING, true, AT(row.name), .min = 1, .max = 31},
     {"from", YAML_ENUM, true, AT(from_host), .names = from_names},
-    {"id", YAML_INT, true, AT(row.base), .count = sizeof(int), .min = 0,
-     .max = DESCRIBED_EXTENDED_ID_MAX},
+    YAML_COUNT("id", true, STRUCT, row.base, 0, DESCRIBED_EXTENDED_ID_MAX),
     {"extended", YAML_BOOL, false, .offset = AT(extended)},
     {"id_fields", YAML_LIST, false, AT(id_field), AT(nid_field), .schema = &field_schema},
     {"fd", YAML_BOOL, false, .offset = AT(fd)},
     {"bit_rate_switch", YAML_BOOL, false, .offset = AT(brs)},
     {"by", YAML_ENUM, false, AT(row.by), .names = by_names},
-    {"step", YAML_INT, false, AT(row.step), .count = sizeof(int), .min = 1,
-     .max = DESCRIBED_EXTENDED_ID_MAX},
+    YAML_COUNT("step", false, STRUCT, row.step, 1, DESCRIBED_EXTENDED_ID_MAX),
     {"of", YAML_ENUM, false, AT(row.of), .names = of_names},
     {"remote", YAML_BOOL, false, .offset = AT(row.remote)},
-    {"length", YAML_INT, false, AT(length), .count = sizeof(int), .min = 0,
-     .max = DESCRIBED_LENGTH_MAX},
+    YAML_COUNT("length", false, STRUCT, length, 0, DESCRIBED_LENGTH_MAX),
     {"lengths", YAML_REALS, false, AT(lengths), .count = 2, .min = 0.0,
      .max = DESCRIBED_LENGTH_MAX},
-    {"repeat", YAML_INT, false, AT(repeat), .count = sizeof(int), .min = 1,
-     .max = DESCRIBED_LENGTH_MAX},
+    YAML_COUNT("repeat", false, STRUCT, repeat, 1, DESCRIBED_LENGTH_MAX),
     {"fields", YAML_LIST, false, AT(field), AT(nfield), .schema = &field_schema},
     {"payload", YAML_STRING, false, AT(payload), .min = 2, .max = 3 * DESCRIBED_LENGTH_MAX - 1},
     {"period_s", YAML_REAL, false, AT(row.period_ns), .ns = true, .min = 0.001, .max = 60.0},
@@ -240,8 +226,7 @@ static const struct yaml_field frame_fields[] = {
 };
 static const struct raw_described_frame frame_defaults = {
     .row = {.step = 1, .time = {-1, -1}}, .repeat = 1, .brs = true};
-static const struct yaml_schema frame_schema =
-    YAML_SCHEMA("a frame", struct raw_described_frame, frame_fields, .defaults = &frame_defaults);
+YAML_TABLE(frame, "a frame", raw_described_frame, .defaults = &frame_defaults);
 
 #undef STRUCT
 #define STRUCT described_state
@@ -255,19 +240,17 @@ static const struct yaml_field state_fields[] = {
     {"fault", YAML_STRING, false, AT(fault), .min = 1, .max = 31},
 };
 static const struct described_state state_defaults = {.set_point_scale = 1.0};
-static const struct yaml_schema state_schema =
-    YAML_SCHEMA("a state", struct described_state, state_fields, .defaults = &state_defaults);
+YAML_TABLE(state, "a state", described_state, .defaults = &state_defaults);
 
 #undef STRUCT
 #define STRUCT raw_described_fault
 static const struct yaml_field bit_fields[] = {
-    {"bit", YAML_INT, true, AT(bit), .count = sizeof(int), .min = 0, .max = 31},
+    YAML_COUNT("bit", true, STRUCT, bit, 0, 31),
     {"sticky", YAML_BOOL, false, .offset = AT(sticky)},
     {"momentary", YAML_BOOL, false, .offset = AT(momentary)},
 };
 static const struct raw_described_fault no_bit = {.bit = -1};
-static const struct yaml_schema bit_schema = YAML_SCHEMA(
-    "a fault", struct raw_described_fault, bit_fields, .defaults = &no_bit, .unmarked = true);
+YAML_TABLE(bit, "a fault", raw_described_fault, .defaults = &no_bit, .unmarked = true);
 #define FAULT(name, kind)                                                                          \
     {                                                                                              \
         name, YAML_MAP, false, (kind) * sizeof(struct raw_described_fault), .schema = &bit_schema  \
@@ -300,8 +283,7 @@ static const struct yaml_field parameter_fields[] = {
     {"writable", YAML_BOOL, false, .offset = AT(writable)},
     {"field", YAML_MAP, true, AT(field), .schema = &field_schema},
 };
-static const struct yaml_schema parameter_schema =
-    YAML_SCHEMA("a parameter", struct raw_described_parameter, parameter_fields);
+YAML_TABLE(parameter, "a parameter", raw_described_parameter);
 
 #undef STRUCT
 #define STRUCT raw_described_model
@@ -309,8 +291,7 @@ static const struct yaml_field model_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
     {"values", YAML_REAL_DICT, true, AT(entry), .count_offset = AT(nentry)},
 };
-static const struct yaml_schema model_schema =
-    YAML_SCHEMA("a model", struct raw_described_model, model_fields);
+YAML_TABLE(model, "a model", raw_described_model);
 
 #undef STRUCT
 #define STRUCT described_gains
@@ -319,31 +300,28 @@ static const struct yaml_field gains_fields[] = {
     {"velocity_nm_s_rad", YAML_REAL, false, AT(velocity_nm_s_rad), .min = 0.0, .max = 1e6},
     {"velocity_nm_rad", YAML_REAL, false, AT(velocity_nm_rad), .min = 0.0, .max = 1e6},
 };
-static const struct yaml_schema gains_schema =
-    YAML_SCHEMA("the gains", struct described_gains, gains_fields, .unmarked = true);
+YAML_TABLE(gains, "the gains", described_gains, .unmarked = true);
 
 #undef STRUCT
 #define STRUCT raw_described_host
 static const struct yaml_field host_fields[] = {
-    {"discover", YAML_NAME_LIST, false, .offset = AT(discover), .count_offset = AT(ndiscover)},
-    {"configure", YAML_NAME_LIST, false, .offset = AT(configure), .count_offset = AT(nconfigure)},
-    {"on", YAML_NAME_LIST, false, .offset = AT(on), .count_offset = AT(non)},
-    {"off", YAML_NAME_LIST, false, .offset = AT(off), .count_offset = AT(noff)},
-    {"command", YAML_NAME_LIST, false, .offset = AT(command), .count_offset = AT(ncommand)},
+    {"discover", YAML_NAME_LIST, false, AT(discover), .count_offset = AT(ndiscover)},
+    {"configure", YAML_NAME_LIST, false, AT(configure), .count_offset = AT(nconfigure)},
+    {"on", YAML_NAME_LIST, false, AT(on), .count_offset = AT(non)},
+    {"off", YAML_NAME_LIST, false, AT(off), .count_offset = AT(noff)},
+    {"command", YAML_NAME_LIST, false, AT(command), .count_offset = AT(ncommand)},
     {"on_state", YAML_STRING, false, AT(on_state), .min = 1, .max = 31},
     {"off_state", YAML_STRING, false, AT(off_state), .min = 1, .max = 31},
 };
-static const struct yaml_schema host_schema =
-    YAML_SCHEMA("the host", struct raw_described_host, host_fields, .hash_offset = 0);
+YAML_TABLE(host, "the host", raw_described_host, .hash_offset = 0);
 
 #undef STRUCT
 #define STRUCT raw_described
 static const struct yaml_field described_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
     {"description", YAML_STRING, false, AT(description), .min = 1, .max = 1000},
-    {"axes", YAML_INT, false, AT(axes), .count = sizeof(int), .min = 1, .max = DESCRIBED_AXES},
-    {"address_max", YAML_INT, false, AT(address_max), .count = sizeof(int), .min = 1,
-     .max = DESCRIBED_ADDRESS_MAX},
+    YAML_COUNT("axes", false, STRUCT, axes, 1, DESCRIBED_AXES),
+    YAML_COUNT("address_max", false, STRUCT, address_max, 1, DESCRIBED_ADDRESS_MAX),
     {"follow_fd", YAML_BOOL, false, .offset = AT(follow_fd)},
     {"command_timeout_s", YAML_REAL, false, AT(command_timeout_ns), .ns = true, .min = 0.0,
      .max = 60.0},

@@ -45,4 +45,16 @@ const char *icub_mode_name(uint32_t mode);
 
 bool icub_firmware(const struct board *board, struct board_firmware *firmware);
 
+/* Members common to the protocols of iCub boards. The reply's delay is assumed: no figure of the
+ * boards is published. */
+#define ICUB_MEMBERS(motor)                                                                        \
+    .address_max = ICUB_ADDRESS_MAX, .torque_boards = true, .padded = true, .external = true,      \
+    .reply = {.delay_ns = 100000}, .bus = &icub_bus_ops,                                           \
+    .board = {[BOARD_MOTOR] = motor,                                                               \
+              [BOARD_FT] = &ft_icub_ops.base,                                                      \
+              [BOARD_TORQUE] = &torque_icub_ops.base,                                              \
+              [BOARD_INERTIAL] = &inertial_icub_ops.base},                                         \
+    .firmware = icub_firmware, .claims_id = icub_claims_id, .mode_name = icub_mode_name,           \
+    .limit_text = "ticks, voltage set to 0", .sections = icub_sections
+
 #endif

@@ -182,9 +182,7 @@ enum icub_fault {
     ICUB_FAULT_OVER_VOLTAGE = 1 << 1,
     ICUB_FAULT_EXTERNAL = 1 << 2,
     ICUB_FAULT_OVER_CURRENT = 1 << 3,
-    ICUB_FAULT_HALL = 1 << 4,
     ICUB_FAULT_ABSOLUTE_ENCODER = 1 << 5,
-    ICUB_FAULT_OPTICAL_ENCODER = 1 << 6,
 };
 
 /* STATUS byte 4 */
@@ -193,14 +191,11 @@ enum icub_can_status {
     ICUB_CAN_BUS_OFF = 1 << 1,
     ICUB_CAN_TX_ERROR = 1 << 2,
     ICUB_CAN_RX_ERROR = 1 << 3,
-    ICUB_CAN_TX_OVERRUN = 1 << 4,
     ICUB_CAN_RX_WARNING = 1 << 5,
-    ICUB_CAN_RX_OVERRUN = 1 << 6,
 };
 
 /* STATUS byte 5 */
 enum icub_board_status {
-    ICUB_BOARD_LOOP_OVERFLOW = 1 << 0,
     ICUB_BOARD_OVER_TEMPERATURE_0 = 1 << 1, /* axis 0 */
     ICUB_BOARD_OVER_TEMPERATURE_1 = 1 << 2,
     ICUB_BOARD_TEMPERATURE_ERROR_0 = 1 << 3,

@@ -168,10 +168,8 @@ static bool surface_meets_mesh(const struct contact_config *config, size_t index
     for (size_t i = 0; i < config->npair; i++) {
         const struct contact_pair *pair = &config->pair[i];
 
-        if ((size_t)pair->a == index && shape_is_mesh(config->surface[pair->b].shape)) {
-            return true;
-        }
-        if ((size_t)pair->b == index && shape_is_mesh(config->surface[pair->a].shape)) {
+        if (((size_t)pair->a == index && shape_is_mesh(config->surface[pair->b].shape)) ||
+            ((size_t)pair->b == index && shape_is_mesh(config->surface[pair->a].shape))) {
             return true;
         }
     }
@@ -186,20 +184,14 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
     const struct contact_surface *given = &config->surface[index];
     struct native_surface *s = &surface[index];
     const struct mesh *mesh = given->mesh;
-    enum error_code code;
+    enum error_code code = ERROR_NONE;
 
     /* Makes the mesh */
     if (given->shape == CONTACT_BOX) {
         code = mesh_box(given->half_extent_m, given->cells_per_edge, arena, &mesh, error);
-        if (code != ERROR_NONE) {
-            return code;
-        }
     } else if (given->shape != CONTACT_MESH) {
         code = mesh_capsule(given->radius_m, given->length_m, given->shape == CONTACT_CYLINDER,
                             arena, &mesh, error);
-        if (code != ERROR_NONE) {
-            return code;
-        }
     }
     /* An earlier surface with the same mesh shares its solid, so that each mesh is prepared once */
     for (size_t i = 0; i < index && given->shape == CONTACT_MESH && !s->solid; i++) {
@@ -209,11 +201,11 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
     }
 
     /* Makes the solid, unless an earlier surface has made it */
-    if (!s->solid) {
+    if (!code && !s->solid) {
         code = solid_store_find(mesh, arena, &s->solid, error);
-        if (code != ERROR_NONE) {
-            return code;
-        }
+    }
+    if (code != ERROR_NONE) {
+        return code;
     }
 
     /* Compute bounding ball and capsule about the middle of a mesh's box; the capsule is along the

@@ -133,7 +133,7 @@ TEST_ON(a_wrong_robot_is_noticed, peers_library, library)
     const struct peers *peers = open_peers(library);
     const struct robot *robot, *other;
     struct robot_body *body;
-    struct arena arena;
+    struct arena arena CLOSED_BY(arena_fini);
 
     assert_ok(arena_init(&arena, 1 << 24, &error));
     if (robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error) ||
@@ -151,7 +151,6 @@ TEST_ON(a_wrong_robot_is_noticed, peers_library, library)
         bench_ours[0].destroy(engine);
         peers->dynamics[k].destroy(peer);
     }
-    arena_fini(&arena);
 }
 
 /* ODE's pendulum starts where ours does and falls as gravity has it. */

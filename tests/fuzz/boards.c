@@ -10,7 +10,6 @@
 #include "boards/described/protocol.h"
 #include "faults/faults.h"
 #include "boards/messages.h"
-#include "boards/protocol_list.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/unit/boards/board_bench.h"
 

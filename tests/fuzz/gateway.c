@@ -6,7 +6,6 @@
  */
 #include "canbus/gateway.h"
 
-#include "canbus/socketcand.h"
 #include "tests/fuzz/fuzz.h"
 
 #include <errno.h>

@@ -6,7 +6,6 @@
  * simulator's side is canbus/lockstep.h.
  */
 #include "boards/described/protocol.h"
-#include "boards/icub/protocol.h"
 #include "boards/messages.h"
 #include "boards/protocol_list.h"
 #include "canbus/lockstep.h"

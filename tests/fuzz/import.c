@@ -8,7 +8,6 @@
 #include "tests/fuzz/fuzz.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 /* "FILE:LINE: text", or "FILE: text" of the robot as a whole, or the option that does not suit. */

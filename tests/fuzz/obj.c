@@ -3,7 +3,6 @@
  * OBJ meshes: a file is refused in words with its place, or gives a mesh that mesh_check calls
  * sound, with finite measures, and whose text reads back as the same mesh.
  */
-#include "contact/mesh/mesh.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/mesh_write.h"
 

@@ -5,11 +5,9 @@
  */
 #include "app/scenario/scenario.h"
 
-#include "app/scenario/private.h"
 #include "tests/fuzz/fuzz.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #define FILE_NAME "config/scenarios/x.yaml"

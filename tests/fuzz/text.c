@@ -17,7 +17,6 @@
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 enum { TEXT = 512, ARGUMENTS = 16, WORDS = 6, STEPS_MAX = 4096 };
 

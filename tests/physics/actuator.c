@@ -3,12 +3,10 @@
  * A series elastic drive in motion against closed solutions: winding, torque, speed, resonance,
  * braking and the energy balance. The drive is COMAN's (link-side constants).
  */
-#include "model/drives/actuator.h"
 #include "model/integrator.h"
 
 #include "tests/physics/coman_drive.h"
 #include "tests/physics/near.h"
-#include "tests/test.h"
 
 /* A drive with a link of pure inertia behind it, or with the rotor or the link held fast. */
 struct bench {

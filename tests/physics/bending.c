@@ -4,11 +4,9 @@
  * beside a force-torque sensor in its joint that carries all of the last link.
  */
 #include "base/vec3.h"
-#include "model/plant.h"
 
 #include "tests/physics/near.h"
 #include "tests/physics/toy_plant.h"
-#include "tests/test.h"
 
 #define UPPER 2.0 /* kg, its center of mass 0.1 m ahead and 0.05 m aside */
 #define LOWER 1.5 /* kg, 0.12 m ahead and 0.04 m down */

@@ -12,7 +12,6 @@
 #include "boards/protocol_list.h"
 #include "tests/physics/plant_rig.h"
 #include "tests/protocol_file.h"
-#include "tests/test.h"
 
 enum { HIP = 0, TICK_NS = 1000000, SUBSTEP_NS = 100000 };
 

@@ -6,9 +6,9 @@
  */
 
 #include "sim/simulator.h"
+#include "tests/unit/arena_fixture.h"
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
-#include "tests/test.h"
 
 enum { MS = 1000000, PATCHES = 256, BODIES = 64, FALLS = 12, FALL_MS = 1200 };
 
@@ -79,7 +79,7 @@ static void watch_walk(void *context, int64_t now_ns)
     look_at_patches(simulator_plant(w->simulator), &w->rig.contact, &w->seen);
 }
 
-TEST(a_walk_is_within_the_cone)
+TEST_WITH(a_walk_is_within_the_cone, open_arena, close_arena)
 {
     static struct walk w;
     struct simulator_observer observer = {&w, watch_walk};
@@ -92,13 +92,11 @@ TEST(a_walk_is_within_the_cone)
         .observer = &observer,
     };
     struct walk_config walk;
-    struct arena arena;
     const struct rig *rig;
     struct realtime_report report;
     struct error error;
     char notice[256];
 
-    assert_ok(arena_init(&arena, (size_t)1 << 28, &error));
     assert_ok(rig_load(HIL_SOURCE_DIR "/config/rigs/coman-compact-imu.yaml", &arena, &rig, &error));
     w.rig = *rig;
     walk = *rig->walk;
@@ -111,7 +109,6 @@ TEST(a_walk_is_within_the_cone)
     simulator_run(w.simulator);
     expect_admissible("walk", &w.seen);
     simulator_destroy(w.simulator);
-    arena_fini(&arena);
 }
 
 /* ---- falls ---- */

@@ -3,11 +3,8 @@
  * What backs the layers of the native contact engine: it pushes from where the layers' thicknesses
  * are used up, by closed forms, by the energy that comes and goes, and not at all before.
  */
-#include "contact/contact.h"
 
 #include "tests/physics/contact_fixture.h"
-#include "tests/physics/near.h"
-#include "tests/test.h"
 
 /* Two of these: layers of 2 mm with k = 5e7 Pa/m, then 3e8 Pa/m more. */
 static const struct contact_material backed = {1e5, 1e-3, 0, 0, 0, 0, 6e8};

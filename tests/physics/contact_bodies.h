@@ -6,8 +6,6 @@
 #ifndef TESTS_PHYSICS_CONTACT_BODIES_H
 #define TESTS_PHYSICS_CONTACT_BODIES_H
 
-#include "contact/contact.h"
-
 #include "tests/physics/contact_scene.h"
 #include "tests/test.h"
 

@@ -4,11 +4,8 @@
  * summed over the plane, and against their own stored energy.
  */
 #include "base/array.h"
-#include "contact/contact.h"
 
 #include "tests/physics/contact_fixture.h"
-#include "tests/physics/near.h"
-#include "tests/test.h"
 
 /* Half of it as hard as the two together: k = 5e7 Pa/m. */
 static const struct contact_material hard = {1e6, 1e-2, 0, 0, 0, 0, 0};

@@ -3,12 +3,9 @@
  * Two meshes in the native engine by the pressure field of one of them, against closed forms: no
  * work around closed paths, no drift, thick penetration, spheres, friction of a spinning face.
  */
-#include "contact/contact.h"
 
 #include "contact/native/private.h"
 #include "tests/physics/contact_fixture.h"
-#include "tests/physics/near.h"
-#include "tests/test.h"
 
 /* Two surfaces of these have 5e5 Pa/m, and no friction. */
 static const struct contact_material slippery = {1e6, 1, 0, 0, 0, 0, 0};
@@ -265,6 +262,19 @@ static double spheres_force(double radius, double d)
     return stiffness * 2 * fixture_pi * radius * radius * sum * 2 / n;
 }
 
+/* An engine with two balls of this mesh, whose centers are `apart` m from one another. */
+static struct contact_world *two_balls(struct scene *scene, const struct mesh *ball, double apart,
+                                       struct body_motion motion[2])
+{
+    scene_init(scene, 2);
+    add_mesh(scene, 0, ball);
+    add_mesh(scene, 1, ball);
+    scene_add_pair(scene, 0, 1);
+    scene_place(&motion[0], 0, 0, 0);
+    scene_place(&motion[1], 0.6 * apart, 0, 0.8 * apart);
+    return fixture_native(scene);
+}
+
 TEST(balls_converge_to_the_integral_over_spheres)
 {
     /* 92 % of the volume in common, a third, and just touching */
@@ -279,13 +289,7 @@ TEST(balls_converge_to_the_integral_over_spheres)
             struct body_motion motion[2];
             struct contact_wrench wrench[2];
 
-            scene_init(&scene, 2);
-            add_mesh(&scene, 0, ball);
-            add_mesh(&scene, 1, ball);
-            scene_add_pair(&scene, 0, 1);
-            scene_place(&motion[0], 0, 0, 0);
-            scene_place(&motion[1], 0.6 * apart[i], 0, 0.8 * apart[i]);
-            fixture_evaluate(fixture_native(&scene), motion, wrench);
+            fixture_evaluate(two_balls(&scene, ball, apart[i], motion), motion, wrench);
             off[fine] = vec3_norm(wrench[1].force) / spheres_force(radius, apart[i]) - 1;
             print_message("%g m apart, %zu triangles: %+.2e off\n", apart[i], ball->nface,
                           off[fine]);
@@ -314,13 +318,7 @@ TEST(work_grows_as_the_facets_do)
             struct body_motion motion[2];
             struct contact_wrench wrench[2];
 
-            scene_init(&scene, 2);
-            add_mesh(&scene, 0, ball);
-            add_mesh(&scene, 1, ball);
-            scene_add_pair(&scene, 0, 1);
-            scene_place(&motion[0], 0, 0, 0);
-            scene_place(&motion[1], 0.6 * apart[i], 0, 0.8 * apart[i]);
-            world = fixture_native(&scene);
+            world = two_balls(&scene, ball, apart[i], motion);
             fixture_evaluate(world, motion, wrench);
             engine = (const struct native_engine *)world;
             each[fine] = (double)engine->scratch->visits / (double)ball->nface;

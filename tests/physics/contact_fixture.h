@@ -8,7 +8,6 @@
 
 #include "tests/physics/contact_scene.h"
 #include "tests/physics/near.h"
-#include "tests/test.h"
 
 static const double fixture_pi = 3.14159265358979323846;
 

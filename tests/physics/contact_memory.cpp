@@ -4,7 +4,6 @@
  * none fails without harm.
  */
 extern "C" {
-#include "contact/contact.h"
 #include "tests/physics/contact_scene.h"
 #include "tests/test.h"
 }

@@ -3,11 +3,8 @@
  * The native contact engine over the true overlap, against what can be worked out by hand. Nothing
  * here is compared with another engine.
  */
-#include "contact/contact.h"
 
 #include "tests/physics/contact_fixture.h"
-#include "tests/physics/near.h"
-#include "tests/test.h"
 
 /* Half of it as hard as the two together: k = 5e5 Pa/m. */
 static const struct contact_material hard = {1e6, 1, 0, 0, 0, 0, 0};

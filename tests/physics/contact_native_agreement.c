@@ -4,10 +4,8 @@
  * law in any pose, and a box that lies level and slides. Dissipation, friction, energies and the
  * way from springs to wrenches have to be the same; closed forms judge what overlaps.
  */
-#include "contact/contact.h"
 
 #include "tests/physics/contact_fixture.h"
-#include "tests/test.h"
 
 /* How the two engines are compared: a pose about which the second body wobbles. */
 struct sweep {

@@ -3,11 +3,9 @@
  * Free rigid bodies on the native contact engine, integrated here by a Runge-Kutta method of fourth
  * order: what they do has to be what mechanics says, whatever the engine does inside.
  */
-#include "contact/contact.h"
 
 #include "tests/physics/contact_bodies.h"
 #include "tests/physics/near.h"
-#include "tests/test.h"
 
 #define G 9.81
 

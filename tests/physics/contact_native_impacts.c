@@ -4,11 +4,9 @@
  * came with. Each throw begins where the body is about to touch and ends as soon as it has left, so
  * that all the time is spent in contact.
  */
-#include "contact/contact.h"
 
 #include "tests/physics/contact_bodies.h"
 #include "tests/physics/near.h"
-#include "tests/test.h"
 
 #define RADIUS 0.05
 #define HALF 0.075 /* of the cubes */

@@ -3,11 +3,8 @@
  * What any contact has to obey, of both engines: action and reaction, invariance, the same bits. Of
  * the native one also a wrench that is continuous in the pose and conserves the stored energy.
  */
-#include "contact/contact.h"
 
 #include "tests/physics/contact_fixture.h"
-#include "tests/physics/near.h"
-#include "tests/test.h"
 
 /* The engine "simbody" has no capsules, of which the kinds from 5 on are; terrain is slow on it. */
 enum { CASES = FIXTURE_KINDS + 3 };

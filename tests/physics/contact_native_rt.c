@@ -3,7 +3,6 @@
  * The native engine in the loop: no allocation while it evaluates, none of its memory outside the
  * arena, errors as values.
  */
-#include "contact/contact.h"
 
 #include "tests/physics/contact_scene.h"
 #include "tests/physics/counting_malloc.h"
@@ -42,7 +41,7 @@ static const struct mesh *read_foot(struct arena *arena)
 
 TEST(evaluations_and_tangents_allocate_nothing)
 {
-    struct arena arena;
+    struct arena arena CLOSED_BY(arena_fini);
     struct scene scene;
     uint64_t seed = 3;
 
@@ -80,12 +79,11 @@ TEST(evaluations_and_tangents_allocate_nothing)
         assert_int_equal(counted_calls(), before);
         assert_int_equal(arena.used, used);
     }
-    arena_fini(&arena);
 }
 
 TEST(an_invalid_motion_is_an_error)
 {
-    struct arena arena;
+    struct arena arena CLOSED_BY(arena_fini);
     struct scene scene;
     struct body_motion motion[4];
     struct contact_wrench wrench[4];
@@ -103,12 +101,11 @@ TEST(an_invalid_motion_is_an_error)
     motion[2].v[1] = 0;
     assert_ok(world->ops->evaluate(world, motion, NULL, wrench));
     assert_int_equal(world->ops->patches(world, NULL, 0), 0);
-    arena_fini(&arena);
 }
 
 TEST(an_arena_that_is_too_small_is_an_error)
 {
-    struct arena meshes;
+    struct arena meshes CLOSED_BY(arena_fini);
     struct scene scene;
     bool made = false;
 
@@ -116,7 +113,7 @@ TEST(an_arena_that_is_too_small_is_an_error)
     everything(&scene, read_foot(&meshes));
     for (size_t size = 4096; !made; size += 8192) {
         struct contact_world *world;
-        struct arena arena;
+        struct arena arena CLOSED_BY(arena_fini);
         struct error error = {0};
         enum error_code code;
 
@@ -125,7 +122,5 @@ TEST(an_arena_that_is_too_small_is_an_error)
         code = contact_native_create(&scene.config, &arena, &world, &error);
         made = code == ERROR_NONE;
         assert_true(made || (code == ERROR_MEMORY && error.text[0]));
-        arena_fini(&arena);
     }
-    arena_fini(&meshes);
 }

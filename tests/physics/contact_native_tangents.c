@@ -4,11 +4,8 @@
  * than what it resists.
  */
 #include "base/array.h"
-#include "contact/contact.h"
 
 #include "tests/physics/contact_fixture.h"
-#include "tests/physics/near.h"
-#include "tests/test.h"
 
 /* A velocity's or small displacement's six numbers applied to a body about a point. */
 static void disturb(struct body_motion *motion, const double center[3], int axis, double step,

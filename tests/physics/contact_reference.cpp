@@ -6,7 +6,6 @@
  * and, by Newton and Euler, from the accelerations that it integrates.
  */
 extern "C" {
-#include "contact/contact.h"
 #include "tests/physics/contact_scene.h"
 #include "tests/mesh_write.h"
 }
@@ -26,7 +25,6 @@ extern "C" {
 }
 
 #include "tests/physics/near.h"
-#include "tests/test.h"
 
 using namespace SimTK;
 

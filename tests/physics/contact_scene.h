@@ -9,7 +9,6 @@
 #include "tests/unit/contact/random_number.h"
 
 #include <math.h>
-#include <stdint.h>
 #include <string.h>
 
 #define SCENE_SURFACES 8

@@ -1,10 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The contact engine "simbody" against contact.h's law worked out by hand. */
-#include "contact/contact.h"
 
 #include "tests/physics/contact_fixture.h"
-#include "tests/physics/near.h"
-#include "tests/test.h"
 
 /* Of the right foot's outline, by the shoelace formulas, in the ankle frame. */
 static const double sole_area = 0.015662135;

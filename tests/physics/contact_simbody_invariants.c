@@ -3,11 +3,8 @@
  * The engine "simbody": only the pairs that were asked for touch, and motions that it refuses. What
  * any contact has to obey: contact_native_invariants.c.
  */
-#include "contact/contact.h"
 
 #include "tests/physics/contact_fixture.h"
-#include "tests/physics/near.h"
-#include "tests/test.h"
 
 /* ---- pairs ---- */
 

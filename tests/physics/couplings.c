@@ -7,10 +7,8 @@
 #include "model/coupling.h"
 #include "model/settle.h"
 
-#include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
 #include "tests/physics/toy_plant.h"
-#include "tests/test.h"
 
 static struct error error;
 
@@ -378,7 +376,7 @@ TEST(walker_with_couplings_keeps_its_energy)
     for (size_t i = 0; i < sizeof run / sizeof *run; i++) {
         struct robot_coupling coupling[2];
         struct plant_energy energy;
-        struct plant_rig rig;
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
         double turnover, off = 0.0;
 
         plant_rig_coupled_walker(&rig, coupling, run[i].integrator, run[i].substep_ns);
@@ -397,7 +395,6 @@ TEST(walker_with_couplings_keeps_its_energy)
                       (int)run[i].integrator, energy.balance, turnover, off);
         assert_near(energy.balance, 0.0, run[i].tolerance * turnover);
         assert_true(off <= 2e-2);
-        plant_rig_fini(&rig);
     }
 }
 
@@ -447,7 +444,7 @@ TEST(settled_walker_stands)
     const double joint[8] = {-0.2, 0.4, -0.2, -0.2, 0.4, -0.2, 0.2, 0.03};
     struct robot_coupling coupling[2];
     struct settled settled;
-    struct plant_rig rig;
+    struct plant_rig rig CLOSED_BY(plant_rig_fini);
     double before[15], moved = 0.0;
 
     plant_rig_coupled_walker(&rig, coupling, PLANT_IMPLICIT, 1000000);
@@ -466,7 +463,6 @@ TEST(settled_walker_stands)
     }
     print_message("# settled, it moves by %.1e in a second\n", moved);
     assert_true(moved <= 1e-6);
-    plant_rig_fini(&rig);
 }
 
 /* Clamped links do not feel their couplings; let go, they do. */

@@ -5,7 +5,6 @@
  * unless said otherwise.
  */
 #include "base/array.h"
-#include "model/drives/effects.h"
 #include "tests/physics/near.h"
 #include "tests/physics/toy_plant.h"
 

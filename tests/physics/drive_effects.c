@@ -9,7 +9,6 @@
 #include "model/drives/effects.h"
 #include "tests/physics/near.h"
 #include "tests/physics/toy.h"
-#include "tests/test.h"
 
 enum { MS = 1000000 };
 

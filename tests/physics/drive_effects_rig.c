@@ -6,7 +6,6 @@
 
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
-#include "tests/test.h"
 
 static struct rig_scene scene;
 static const struct rig_scene_choice real = {

@@ -4,7 +4,6 @@
  * are clamped, so that a drive is alone with its spring, or fall in the air, for the balance.
  */
 #include "tests/physics/plant_rig.h"
-#include "tests/test.h"
 
 enum { HIP = 0, SUBSTEP_NS = 100000, STEPS_A_MS = 10 };
 
@@ -30,12 +29,19 @@ static void run(struct plant_rig *rig, int milliseconds)
     assert_ok(plant_sample(rig->plant));
 }
 
-static struct motor_command *start(struct plant_rig *rig, enum plant_integrator integrator)
+/* A rig whose hip has its bridge on, at this voltage. */
+static struct motor_command *start(struct plant_rig *rig, enum plant_integrator integrator,
+                                   double voltage_v)
 {
+    struct motor_command *motor;
+
     plant_rig_walker_with(rig, false, integrator, SUBSTEP_NS, 0.0);
     plant_clamp(rig->plant, true);
     plant_rig_reset(rig, 1.0);
-    return &plant_command(rig->plant)->motor[HIP];
+    motor = &plant_command(rig->plant)->motor[HIP];
+    motor->bridge_on = true;
+    motor->voltage_v = voltage_v;
+    return motor;
 }
 
 /* First order for the implicit integrator, which is what it promises. With h R/L = 0.2 a step of
@@ -48,12 +54,10 @@ static double tolerance(enum plant_integrator integrator, double loose)
 TEST(open_phase_carries_no_current_whatever_the_bridge_does)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
-        struct plant_rig rig;
-        struct motor_command *motor = start(&rig, integrators[i]);
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
+        struct motor_command *motor = start(&rig, integrators[i], 10.0);
         double qm;
 
-        motor->bridge_on = true;
-        motor->voltage_v = 10.0;
         run(&rig, 5);
         assert_true(hip(&rig)->current_a > 1.0);
         motor->condition = DRIVE_OPEN_PHASE;
@@ -66,7 +70,6 @@ TEST(open_phase_carries_no_current_whatever_the_bridge_does)
         motor->condition = 0;
         run(&rig, 5);
         assert_true(hip(&rig)->current_a > 1.0);
-        plant_rig_fini(&rig);
     }
 }
 
@@ -74,13 +77,11 @@ TEST(open_phase_carries_no_current_whatever_the_bridge_does)
 TEST(rotor_with_a_broken_spring_coasts_to_rest)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
-        struct plant_rig rig;
-        struct motor_command *motor = start(&rig, integrators[i]);
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
+        struct motor_command *motor = start(&rig, integrators[i], 10.0);
         const struct robot_sea sea = rig.toy.joint[HIP].sea;
         double speed;
 
-        motor->bridge_on = true;
-        motor->voltage_v = 10.0;
         motor->condition = DRIVE_SPRING_BREAK;
         run(&rig, 100);
         speed = hip(&rig)->qmd;
@@ -90,7 +91,6 @@ TEST(rotor_with_a_broken_spring_coasts_to_rest)
         run(&rig, 200);
         assert_close(hip(&rig)->qmd, speed * exp(-sea.Dm / sea.J * 0.2),
                      tolerance(integrators[i], 1e-4));
-        plant_rig_fini(&rig);
     }
 }
 
@@ -98,16 +98,14 @@ TEST(rotor_with_a_broken_spring_coasts_to_rest)
 TEST(shorted_winding_brakes_a_loose_rotor)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
-        struct plant_rig rig;
-        struct motor_command *motor = start(&rig, integrators[i]);
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
+        struct motor_command *motor = start(&rig, integrators[i], 10.0);
         const struct robot_sea sea = rig.toy.joint[HIP].sea;
         double a = sea.R / sea.L, b = sea.Dm / sea.J;
         double mean = 0.5 * (a + b), product = a * b + sea.Kt * sea.Kw / (sea.J * sea.L);
         double slow = mean - sqrt(mean * mean - product);
         double speed;
 
-        motor->bridge_on = true;
-        motor->voltage_v = 10.0;
         motor->condition = DRIVE_SPRING_BREAK;
         run(&rig, 100);
         motor->condition |= DRIVE_SHORT;
@@ -116,7 +114,6 @@ TEST(shorted_winding_brakes_a_loose_rotor)
         assert_true(hip(&rig)->current_a < 0.0); /* it generates */
         run(&rig, 5);
         assert_close(hip(&rig)->qmd / speed, exp(-slow * 0.005), tolerance(integrators[i], 1e-2));
-        plant_rig_fini(&rig);
     }
 }
 
@@ -128,9 +125,7 @@ TEST(short_does_not_ask_the_bridge)
     double speed[2];
 
     for (int on = 0; on < 2; on++) {
-        motor = start(&rig, PLANT_RK4);
-        motor->bridge_on = true;
-        motor->voltage_v = 10.0;
+        motor = start(&rig, PLANT_RK4, 10.0);
         run(&rig, 5);
         motor->condition = DRIVE_SHORT;
         motor->bridge_on = on;
@@ -145,13 +140,11 @@ TEST(short_does_not_ask_the_bridge)
 TEST(jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
-        struct plant_rig rig;
-        struct motor_command *motor = start(&rig, integrators[i]);
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
+        struct motor_command *motor = start(&rig, integrators[i], 10.0);
         const struct robot_sea sea = rig.toy.joint[HIP].sea;
         double qm;
 
-        motor->bridge_on = true;
-        motor->voltage_v = 10.0;
         run(&rig, 5);
         motor->voltage_v = 0.0;
         motor->condition = DRIVE_JAM;
@@ -169,7 +162,6 @@ TEST(jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current)
         motor->condition = 0;
         run(&rig, 20);
         assert_true(hip(&rig)->qm != qm);
-        plant_rig_fini(&rig);
     }
 }
 
@@ -177,12 +169,10 @@ TEST(jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current)
 TEST(led_rotor_goes_its_way_whatever_loads_it)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
-        struct plant_rig rig;
-        struct motor_command *motor = start(&rig, integrators[i]);
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
+        struct motor_command *motor = start(&rig, integrators[i], 10.0);
         double qm;
 
-        motor->bridge_on = true;
-        motor->voltage_v = 10.0;
         run(&rig, 5);
         qm = hip(&rig)->qm;
         motor->condition = DRIVE_IMPOSED;
@@ -204,7 +194,6 @@ TEST(led_rotor_goes_its_way_whatever_loads_it)
         motor->condition = 0;
         run(&rig, 1);
         assert_true(hip(&rig)->qm != qm && fabs(hip(&rig)->qm - qm) < 1e-3);
-        plant_rig_fini(&rig);
     }
 }
 
@@ -214,7 +203,7 @@ TEST(energy_that_breaks_away_counts_as_friction)
                                       DRIVE_JAM | DRIVE_SPRING_BREAK};
 
     for (size_t k = 0; k < sizeof breaks / sizeof breaks[0]; k++) {
-        struct plant_rig rig;
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
         struct plant_energy energy;
         struct plant_command *command;
 
@@ -234,7 +223,6 @@ TEST(energy_that_breaks_away_counts_as_friction)
         assert_ok(plant_energy(rig.plant, &energy));
         assert_true(energy.electrical_in > 1.0);
         assert_close(energy.balance, 0.0, 1e-6);
-        plant_rig_fini(&rig);
     }
 }
 
@@ -242,7 +230,7 @@ CLOSED_BENCH(plant_rig, struct plant_rig, plant_rig_fini)
 
 TEST_ON(condition_ends_with_a_reset, plant_rig, rig)
 {
-    struct motor_command *motor = start(rig, PLANT_RK4);
+    struct motor_command *motor = start(rig, PLANT_RK4, 10.0);
     uint64_t sound;
 
     run(rig, 5);
@@ -298,10 +286,7 @@ TEST_ON(supply_sags_under_the_power_that_the_bridges_take, plant_rig, rig)
 
 TEST_ON(terminal_voltage_is_clipped_to_the_sagging_source, plant_rig, rig)
 {
-    struct motor_command *motor = start(rig, PLANT_RK4);
-
-    motor->bridge_on = true;
-    motor->voltage_v = 40.0;
+    start(rig, PLANT_RK4, 40.0);
     plant_command(rig->plant)->supply_sag_v = 30.0;
     run(rig, 1);
     assert_true(plant_sensors(rig->plant)->supply_v == 18.0);
@@ -350,16 +335,14 @@ TEST_ON(braking_drives_lift_the_supply, plant_rig, rig)
 TEST(a_braking_rotor_gives_energy_back)
 {
     for (int i = 0; i < INTEGRATORS; i++) {
-        struct plant_rig rig;
-        struct motor_command *motor = start(&rig, integrators[i]);
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
+        struct motor_command *motor = start(&rig, integrators[i], 4.1);
         size_t drive = rig.toy.robot.nq + rig.toy.robot.nv;
         const struct robot_sea *sea = &rig.toy.joint[HIP].sea;
         struct plant_energy energy;
         double from, expected;
 
         motor->condition = DRIVE_SPRING_BREAK;
-        motor->bridge_on = true;
-        motor->voltage_v = 4.1;
         rig.state[drive + DRIVE_MOTOR_SPEED] = 10.0;
         from = rig.state[drive + DRIVE_MOTOR_POSITION];
         assert_ok(plant_restart_energy(rig.plant));
@@ -374,6 +357,5 @@ TEST(a_braking_rotor_gives_energy_back)
         assert_close(energy.electrical_in, expected, 1e-5);
         assert_close(energy.balance, 0.0, 1e-4);
         assert_true(energy.joule_heat > 1.0 && energy.motor_friction > 0.0);
-        plant_rig_fini(&rig);
     }
 }

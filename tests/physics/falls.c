@@ -11,7 +11,6 @@
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
 #include "tests/unit/contact/random_number.h"
-#include "tests/test.h"
 
 enum { FALLS = 48, FALL_MS = 2000, REST_MS = 200, PATCHES = 96 };
 

@@ -3,11 +3,9 @@
  * Free bodies in the plant. References: the parabola, Jacobi's solution of Euler's equations
  * (Landau, Lifshitz, Mechanics, section 37), conservation of momentum and energy, statics.
  */
-#include "model/plant.h"
 
 #include "tests/physics/free_rig.h"
 #include "tests/physics/near.h"
-#include "tests/test.h"
 
 static const double gravity = 9.81;
 
@@ -156,7 +154,7 @@ static void angular_momentum(const struct free_rig *rig, double L[3])
 /* Largest deviation after 5 s from Jacobi's spin, and relative ones of momentum and energy */
 static void tumble(int64_t substep_ns, double error[3])
 {
-    struct free_rig rig;
+    struct free_rig rig CLOSED_BY(free_rig_fini);
     struct plant_energy energy;
     double axes[9], expected[3], w[3], L0[3], L[3], norm;
     int turns = 0;
@@ -186,7 +184,6 @@ static void tumble(int64_t substep_ns, double error[3])
                   "by %.1e; turned over %d times\n",
                   (long long)(substep_ns / 1000), error[0], spin[0], error[1], error[2], turns);
     assert_in_range(turns, 5, 50);
-    free_rig_fini(&rig);
 }
 
 TEST(tumbles_as_euler_and_jacobi_say)
@@ -433,7 +430,7 @@ TEST_ON(free_bodies_live_on_beside_a_clamped_robot, free_rig, rig)
 
 TEST(robot_moves_alike_with_a_body_that_it_never_meets)
 {
-    struct free_rig with, without;
+    struct free_rig with CLOSED_BY(free_rig_fini), without CLOSED_BY(free_rig_fini);
     double with_momentum[3], with_place[3], momentum[3], place[3];
 
     free_rig_walker(&with, 2, 100000);
@@ -452,15 +449,13 @@ TEST(robot_moves_alike_with_a_body_that_it_never_meets)
     plant_center_of_mass(without.plant, place, momentum);
     assert_memory_equal(with_place, place, sizeof place);
     assert_memory_equal(with_momentum, momentum, sizeof momentum);
-    free_rig_fini(&with);
-    free_rig_fini(&without);
 }
 
 /* ---- runs and errors ---- */
 
 static void assert_refused(const struct free_rig *rig, const char *words)
 {
-    struct arena arena;
+    struct arena arena CLOSED_BY(arena_fini);
     struct plant *plant = NULL;
     struct error error = {0};
 
@@ -469,7 +464,6 @@ static void assert_refused(const struct free_rig *rig, const char *words)
     if (!strstr(error.text, words)) {
         fail_msg("\"%s\" does not say \"%s\"", error.text, words);
     }
-    arena_fini(&arena);
 }
 
 TEST_ON(refuses_bodies_that_cannot_be, free_rig, rig)
@@ -519,7 +513,7 @@ TEST_ON(reports_every_lack_of_memory, free_rig, rig)
     free_rig_walker_on_ground(rig, 100000);
     free_rig_start(rig);
     for (size_t room = 0; code != ERROR_NONE; room += 256) {
-        struct arena arena;
+        struct arena arena CLOSED_BY(arena_fini);
         struct error error = {0};
         struct plant *plant;
 
@@ -530,7 +524,6 @@ TEST_ON(reports_every_lack_of_memory, free_rig, rig)
         assert_true(code == ERROR_NONE || code == ERROR_MEMORY);
         refused += code != ERROR_NONE;
         arena.capacity = 1 << 20;
-        arena_fini(&arena);
     }
     assert_true(refused > 40);
 }

@@ -9,7 +9,6 @@
 #include "model/drives/steady.h"
 #include "tests/physics/near.h"
 #include "tests/physics/toy_plant.h"
-#include "tests/test.h"
 
 enum { MS = 1000000, AT_DRIVE = 2 };
 

@@ -9,7 +9,6 @@
 #include "model/spatial.h"
 #include "tests/figure.h"
 #include "tests/physics/near.h"
-#include "tests/test.h"
 
 enum { RIGHT, LEFT, SIDES, PATCHES = 16, SAMPLES = 3600, JOINTS = 32 };
 
@@ -306,7 +305,7 @@ TEST(any_springs_are_stable_at_a_millisecond)
     enum { END = 2600 };
 
     for (int n = 0; n < 2; n++) {
-        struct scene scene;
+        struct scene scene CLOSED_BY(scene_fini);
         double fastest = 0.0, jump = 0.0, total;
 
         /* What stands must be stiffer than gravity topples: the soft one is held at its base */
@@ -322,7 +321,6 @@ TEST(any_springs_are_stable_at_a_millisecond)
                       stiffness[n], fastest, jump);
         assert_true(fastest < 0.5);
         assert_true(jump < 0.1 * total);
-        scene_fini(&scene);
     }
 }
 

@@ -6,7 +6,6 @@
 
 #include "tests/physics/near.h"
 #include "tests/physics/oil_rig.h"
-#include "tests/test.h"
 
 /* The leg's forces are those that are published. */
 TEST(areas_and_forces_are_those_of_the_leg)

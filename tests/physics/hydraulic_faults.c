@@ -8,7 +8,6 @@
 #include "model/hydraulics/supply.h"
 #include "tests/physics/near.h"
 #include "tests/physics/oil_rig.h"
-#include "tests/test.h"
 
 /* Volume of the gas at a pressure. */
 static double gas_at(const struct robot_hydraulic_supply *s, double pressure)

@@ -9,11 +9,9 @@
 #include "tasks/trajectory.h"
 
 #include <complex.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include "tests/physics/near.h"
-#include "tests/test.h"
 
 enum { MOST_TICKS = 400000 };
 

@@ -4,12 +4,9 @@
  * that neither stiff nor soft springs nor stiff contact upset it, and that it neither makes energy
  * nor momentum. References are dopri5 at 1e-9 and rk4 with short steps.
  */
-#include "model/plant.h"
 
 #include "tests/physics/free_rig.h"
-#include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
-#include "tests/test.h"
 
 enum { MOST_STATES = 128, MS = 1000000 };
 
@@ -49,7 +46,7 @@ struct task {
 static void run_walker(const struct task *task, enum plant_integrator integrator,
                        int64_t substep_ns, double *state)
 {
-    struct plant_rig rig;
+    struct plant_rig rig CLOSED_BY(plant_rig_fini);
 
     plant_rig_walker_with(&rig, task->on_ground, integrator, substep_ns, task->Ks);
     plant_rig_reset(&rig, task->on_ground ? 0.52 : 1.0);
@@ -61,7 +58,6 @@ static void run_walker(const struct task *task, enum plant_integrator integrator
     }
     assert_true(rig.count <= MOST_STATES);
     memcpy(state, rig.state, rig.count * sizeof *state);
-    plant_rig_fini(&rig);
 }
 
 TEST(dopri5_is_where_rk4_with_short_steps_is)
@@ -123,7 +119,7 @@ TEST(springs_of_any_stiffness_are_stable_at_a_millisecond)
 /* Deflected springs swing in free fall, motors off. The joints' and springs' energy fades. */
 TEST(swinging_in_free_fall_gains_no_energy)
 {
-    struct plant_rig rig;
+    struct plant_rig rig CLOSED_BY(plant_rig_fini);
     struct plant_energy energy;
     double start, last, gain = 0.0;
 
@@ -145,7 +141,6 @@ TEST(swinging_in_free_fall_gains_no_energy)
                   gain);
     assert_true(last < start - 1.0);
     assert_true(gain < 1e-4 * (start - last));
-    plant_rig_fini(&rig);
 }
 
 /* A box that tumbles freely for ten seconds at 30 rad/s keeps its energy, and its angular momentum
@@ -155,7 +150,7 @@ TEST(tumbling_keeps_energy_and_momentum)
     double gain[2], turned[2];
 
     for (int n = 0; n < 2; n++) {
-        struct free_rig rig;
+        struct free_rig rig CLOSED_BY(free_rig_fini);
         struct plant_energy energy;
         double start, before[3], after[3], change[3];
 
@@ -173,7 +168,6 @@ TEST(tumbling_keeps_energy_and_momentum)
         vec3_sub(after, before, change);
         gain[n] = energy.stored / start - 1.0;
         turned[n] = sqrt(vec3_dot(change, change) / vec3_dot(before, before));
-        free_rig_fini(&rig);
     }
     print_message("# at 30 rad/s, in ten seconds: %.2e of the energy at 1 ms, %.2e at 0.5 ms; "
                   "momentum off by %.2e and %.2e\n",
@@ -187,7 +181,7 @@ TEST(tumbling_keeps_energy_and_momentum)
 static void run_on_sticky_ground(enum plant_integrator integrator, int64_t substep_ns,
                                  double *state)
 {
-    struct plant_rig rig;
+    struct plant_rig rig CLOSED_BY(plant_rig_fini);
 
     plant_rig_walker_with(&rig, true, integrator, substep_ns, 8400.0);
     rig.ground.k = 2e5;
@@ -196,7 +190,6 @@ static void run_on_sticky_ground(enum plant_integrator integrator, int64_t subst
     plant_rig_reset(&rig, 0.52);
     assert_ok(plant_step(rig.plant, (size_t)(150 * MS / substep_ns)));
     memcpy(state, rig.state, rig.count * sizeof *state);
-    plant_rig_fini(&rig);
 }
 
 TEST(stiff_and_sticky_ground_is_stable_at_a_millisecond)
@@ -216,14 +209,13 @@ TEST(equal_runs_give_equal_bits)
     uint64_t hash[2];
 
     for (int n = 0; n < 2; n++) {
-        struct free_rig rig;
+        struct free_rig rig CLOSED_BY(free_rig_fini);
 
         free_rig_tied(&rig, MS);
         rig.config.integrator = PLANT_IMPLICIT;
         free_rig_start(&rig);
         assert_ok(plant_step(rig.plant, 300));
         hash[n] = plant_hash(rig.plant);
-        free_rig_fini(&rig);
     }
     assert_true(hash[0] == hash[1]);
 }
@@ -231,7 +223,7 @@ TEST(equal_runs_give_equal_bits)
 /* A box falls on stiff ground beside the walker, and rests. */
 TEST(a_free_box_comes_to_rest_on_the_ground)
 {
-    struct free_rig rig;
+    struct free_rig rig CLOSED_BY(free_rig_fini);
     const struct contact_wrench *wrench;
     double weight;
 
@@ -250,7 +242,6 @@ TEST(a_free_box_comes_to_rest_on_the_ground)
     for (int i = 7; i < PLANT_FREE_STATE; i++) {
         assert_near(rig.free[i], 0.0, 1e-3);
     }
-    free_rig_fini(&rig);
 }
 
 /* Moves the box to where the tie has no length, and starts. */
@@ -275,7 +266,7 @@ TEST(a_tie_of_any_stiffness_conserves_momentum)
     const double stiffness[] = {400.0, 1e5, 1e8};
 
     for (int n = 0; n < 3; n++) {
-        struct free_rig rig;
+        struct free_rig rig CLOSED_BY(free_rig_fini);
         double center[3], robot[3], box, total, seconds = 0.3, given, length;
 
         free_rig_tied(&rig, MS);
@@ -301,7 +292,6 @@ TEST(a_tie_of_any_stiffness_conserves_momentum)
                       total, given, length);
         assert_near(total, given, 1e-3 * fabs(given));
         assert_true(n == 0 || length < 0.01);
-        free_rig_fini(&rig);
     }
 }
 
@@ -311,7 +301,7 @@ TEST(tied_bodies_converge_with_order_two)
     double previous = 0.0, slope = 0.0;
 
     for (int64_t h = 0; h == 0 || h >= MS / 32; h = h == 0 ? MS : h / 2) {
-        struct free_rig rig;
+        struct free_rig rig CLOSED_BY(free_rig_fini);
 
         free_rig_tied(&rig, h == 0 ? MS : h);
         rig.config.integrator = h == 0 ? PLANT_DOPRI5 : PLANT_IMPLICIT;
@@ -330,14 +320,13 @@ TEST(tied_bodies_converge_with_order_two)
                           h < MS ? slope : 0.0);
             previous = error;
         }
-        free_rig_fini(&rig);
     }
     assert_near(slope, 2.0, 0.05);
 }
 
 TEST(a_contact_engine_without_tangents_is_refused)
 {
-    struct free_rig rig;
+    struct free_rig rig CLOSED_BY(free_rig_fini);
     struct contact_ops ops;
     struct plant *plant = NULL;
     struct error error = {0};
@@ -353,7 +342,6 @@ TEST(a_contact_engine_without_tangents_is_refused)
     rig.config.integrator = PLANT_DOPRI5;
     assert_int_equal(plant_create(&rig.config, &rig.arena, &plant, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "tolerances are 0 and 0"));
-    free_rig_fini(&rig);
 }
 
 /* The engine's failure stops the step and leaves the last good state. */
@@ -362,7 +350,7 @@ TEST(a_failing_contact_engine_stops_the_step)
     const enum plant_integrator integrators[] = {PLANT_IMPLICIT, PLANT_DOPRI5};
 
     for (int n = 0; n < 2; n++) {
-        struct plant_rig rig;
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
         uint64_t hash;
 
         plant_rig_walker_with(&rig, true, integrators[n], MS, 0.0);
@@ -373,6 +361,5 @@ TEST(a_failing_contact_engine_stops_the_step)
         assert_int_equal(plant_step(rig.plant, 1), ERROR_SYSTEM);
         assert_string_equal(plant_failure(rig.plant), "the toy ground gave way");
         assert_true(plant_hash(rig.plant) == hash);
-        plant_rig_fini(&rig);
     }
 }

@@ -8,7 +8,6 @@
 
 #include "tests/physics/near.h"
 #include "tests/physics/rig_squat.h"
-#include "tests/test.h"
 
 enum { BEGIN = 300, SAMPLES = 2300, STEPS = 3, SENSORS = 4, PATCHES = 16 };
 

@@ -7,7 +7,6 @@
 
 #include "tests/physics/free_rig.h"
 #include "tests/physics/near.h"
-#include "tests/test.h"
 
 enum { MS = 1000000, MOST = 8 };
 

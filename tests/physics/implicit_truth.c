@@ -9,7 +9,6 @@
 #include "tests/physics/free_rig.h"
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
-#include "tests/test.h"
 
 enum { DENSE = 50, MS = 1000000, DROPS = 8 };
 

@@ -8,12 +8,7 @@
 #include "model/plant.h"
 #include "tests/test.h"
 
-#include <math.h>
 #include <mujoco/mujoco.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
 
 static struct arena arena;
 static char folder[64];

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The link behind a cylinder of tests/physics/oil_rig.h. */
 #include "tests/physics/oil_rig.h"
-#include "tests/test.h"
 
 struct robot_hydraulic hyq_cylinder(void)
 {

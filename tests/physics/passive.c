@@ -4,12 +4,10 @@
  * without damping; what is stored and lost; an arm that hangs on one at rest; a cable that helps a
  * drive to hold.
  */
-#include "model/stop.h"
 #include "model/settle.h"
 
 #include "tests/physics/near.h"
 #include "tests/physics/toy_plant.h"
-#include "tests/test.h"
 
 static struct error error;
 

@@ -14,11 +14,9 @@
  * w0^2 > 4 k it turns over with the period 4 K(m)/w0, m = 4 k/w0^2, K the complete elliptic
  * integral K(m) = pi/(2 agm(1, sqrt(1 - m))). At w0 = 2.1 that is the paper's "approximately 3.15".
  */
-#include "model/plant.h"
 
 #include "tests/physics/near.h"
 #include "tests/physics/toy_plant.h"
-#include "tests/test.h"
 
 static const double pi = 3.14159265358979323846;
 static const double start_speed = 2.1;
@@ -173,7 +171,7 @@ static double passing_time(double t, double h, const double before[2], const dou
 
 TEST(synchronous_double_pendulum_has_the_analytic_period)
 {
-    struct pendulum pendulum;
+    struct pendulum pendulum CLOSED_BY(pendulum_fini);
     double period = analytic_period(), last = 0.0, worst = 0.0, apart = 0.0;
     int turns = 0;
 
@@ -201,5 +199,4 @@ TEST(synchronous_double_pendulum_has_the_analytic_period)
     assert_int_equal(turns, (int)(300.0 / period));
     assert_true(worst < 1e-8); /* the paper's curve fluctuates by 5e-9 */
     assert_true(apart < 1e-9);
-    pendulum_fini(&pendulum);
 }

@@ -1,15 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The plant as the loop uses it: creation, commands, repeatability, momentum. */
-#include "model/plant.h"
 
-#include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
-#include "tests/test.h"
 
 /* Creates with one thing wrong; the message must hold the words. */
 static void assert_refused(const struct plant_config *config, const char *words)
 {
-    struct arena arena;
+    struct arena arena CLOSED_BY(arena_fini);
     struct plant *plant = NULL;
     struct error error = {0};
 
@@ -19,13 +16,12 @@ static void assert_refused(const struct plant_config *config, const char *words)
         fail_msg("\"%s\" does not say \"%s\"", error.text, words);
     }
     assert_null(plant);
-    arena_fini(&arena);
 }
 
 TEST(refuses_what_cannot_run)
 {
     static const int foot = TOY_RIGHT_FOOT, shank = 2, missing = 99, negative = -1;
-    struct plant_rig rig, other;
+    struct plant_rig rig CLOSED_BY(plant_rig_fini), other CLOSED_BY(plant_rig_fini);
     struct plant_config good = {.robot = &rig.toy.robot,
                                 .dynamics = &rig.dynamics,
                                 .contact = &rig.ground.world,
@@ -67,8 +63,6 @@ TEST(refuses_what_cannot_run)
     rig.toy.body[0].observed = true;
     rig.toy.body[TOY_LEFT_FOOT].observed = false;
     assert_refused(&good, "force-torque sensor");
-    plant_rig_fini(&rig);
-    plant_rig_fini(&other);
 }
 
 CLOSED_BENCH(plant_rig, struct plant_rig, plant_rig_fini)
@@ -114,7 +108,7 @@ TEST_ON(reports_every_lack_of_memory, plant_rig, rig)
 
     plant_rig_walker(rig, false, 100000);
     for (size_t room = 0; code != ERROR_NONE; room += 512) {
-        struct arena arena;
+        struct arena arena CLOSED_BY(arena_fini);
         struct error error = {0};
         struct plant *plant;
 
@@ -125,7 +119,6 @@ TEST_ON(reports_every_lack_of_memory, plant_rig, rig)
         assert_true(code == ERROR_NONE || code == ERROR_MEMORY);
         refused += code != ERROR_NONE;
         arena.capacity = 1 << 20;
-        arena_fini(&arena);
     }
     assert_true(refused > 20);
 }
@@ -462,7 +455,7 @@ TEST(push_accelerates_the_centre_of_mass)
     const double force[3] = {30.0, -20.0, 50.0}, moment[3] = {3.0, 1.0, -2.0};
 
     for (int body = 0; body <= TOY_HAND; body++) {
-        struct plant_rig rig;
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
         double before[3], after[3], position[3];
 
         plant_rig_walker(&rig, false, 100000);
@@ -476,7 +469,6 @@ TEST(push_accelerates_the_centre_of_mass)
 
             assert_near(after[i] - before[i], 0.01 * (force[i] + weight), 1e-8);
         }
-        plant_rig_fini(&rig);
     }
 }
 

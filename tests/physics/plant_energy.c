@@ -1,10 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The plant's energy balance closes to integration accuracy, whatever acts; and its order is 4. */
-#include "model/plant.h"
 
-#include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
-#include "tests/test.h"
 
 /* All energy that went anywhere: what a balance is to be small against. */
 static double turnover(const struct plant_energy *energy)
@@ -82,7 +79,7 @@ TEST(gap_of_the_balance_falls_with_the_fourth_power_of_the_step)
     double previous = 0.0;
 
     for (int64_t substep_ns = 100000; substep_ns >= 25000; substep_ns /= 2) {
-        struct plant_rig rig;
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
         struct plant_energy energy;
         double gap;
 
@@ -99,7 +96,6 @@ TEST(gap_of_the_balance_falls_with_the_fourth_power_of_the_step)
             assert_near(log2(previous / gap), 4.0, 0.5);
         }
         previous = gap;
-        plant_rig_fini(&rig);
     }
 }
 
@@ -199,7 +195,7 @@ TEST_ON(contact_dissipation_only_grows, plant_rig, rig)
 /* State after 0.1 s of constant voltages, ropes off: everything smooth. */
 static void smooth_run(int64_t substep_ns, double *state, size_t max)
 {
-    struct plant_rig rig;
+    struct plant_rig rig CLOSED_BY(plant_rig_fini);
 
     plant_rig_walker(&rig, false, substep_ns);
     for (size_t j = 0; j < 7; j++) {
@@ -210,7 +206,6 @@ static void smooth_run(int64_t substep_ns, double *state, size_t max)
     assert_ok(plant_step(rig.plant, (size_t)(100000000 / substep_ns)));
     assert_true(rig.count <= max);
     memcpy(state, rig.state, rig.count * sizeof *state);
-    plant_rig_fini(&rig);
 }
 
 TEST(coupled_system_converges_with_order_four)

@@ -5,6 +5,7 @@
 
 #include "tests/physics/toy.h"
 #include "tests/test.h"
+#include "tests/physics/near.h"
 
 struct plant_rig {
     struct toy toy;

@@ -1,18 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The plant allocates nothing once it is made. */
-#include "model/plant.h"
 
 #include "tests/physics/counting_malloc.h"
 #include "tests/physics/free_rig.h"
 #include "tests/physics/plant_rig.h"
-#include "tests/test.h"
 
 static void step_and_sample(enum plant_integrator integrator, bool coupled)
 {
     const double force[3] = {5.0, 0.0, 0.0}, moment[3] = {0.0, 0.0, 1.0};
     double position[3], momentum[3];
     struct robot_coupling coupling[2];
-    struct plant_rig rig;
+    struct plant_rig rig CLOSED_BY(plant_rig_fini);
     struct plant_energy energy;
     enum error_code code = ERROR_NONE;
     size_t before;
@@ -36,7 +34,6 @@ static void step_and_sample(enum plant_integrator integrator, bool coupled)
     }
     assert_int_equal(counted_calls() - before, 0);
     assert_ok(code);
-    plant_rig_fini(&rig);
 }
 
 TEST(stepping_and_sampling_allocate_nothing)
@@ -51,7 +48,7 @@ TEST(stepping_and_sampling_allocate_nothing)
 TEST(free_bodies_allocate_nothing)
 {
     const double force[3] = {5.0, 0.0, 0.0}, moment[3] = {0.0, 0.0, 1.0};
-    struct free_rig rig;
+    struct free_rig rig CLOSED_BY(free_rig_fini);
     struct plant_energy energy;
     enum error_code code = ERROR_NONE;
     double pose[7];
@@ -73,5 +70,4 @@ TEST(free_bodies_allocate_nothing)
     }
     assert_int_equal(counted_calls() - before, 0);
     assert_ok(code);
-    free_rig_fini(&rig);
 }

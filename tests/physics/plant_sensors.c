@@ -1,11 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the plant's sensors read, against closed answers and against another route to the force. */
-#include "model/plant.h"
 
 #include "model/spatial.h"
-#include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
-#include "tests/test.h"
 
 static struct error error;
 

@@ -7,7 +7,6 @@
 #define TESTS_PHYSICS_RIG_SQUAT_H
 
 #include "tests/physics/rig_scene.h"
-#include "tests/test.h"
 
 static const double squat_depth_m = 0.1, squat_period_s = 2.0;
 static const double thigh_m = 0.2258, shank_m = 0.201;

@@ -8,7 +8,6 @@
 
 #include "tests/physics/rig_scene.h"
 #include "tests/unit/contact/random_number.h"
-#include "tests/test.h"
 
 enum { POSES = 2000, SURFACES = 32, BODIES = 64 };
 

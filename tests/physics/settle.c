@@ -9,7 +9,6 @@
 #include "model/spatial.h"
 #include "tests/physics/near.h"
 #include "tests/physics/toy.h"
-#include "tests/test.h"
 
 enum { BLOCKS = 3 };
 
@@ -321,7 +320,7 @@ TEST(blocks_on_a_slope_settle_with_their_bristles_bent)
     const double slope = 5.0 * 3.14159265358979323846 / 180.0;
 
     for (size_t nblock = 1; nblock <= BLOCKS; nblock++) {
-        struct yard yard;
+        struct yard yard CLOSED_BY(yard_fini);
         double pose[7], jerk = 0.0;
 
         yard_slope(&yard, nblock, slope);
@@ -344,7 +343,6 @@ TEST(blocks_on_a_slope_settle_with_their_bristles_bent)
             hypot(pose[0] - yard.block[0].position[0], pose[2] - yard.block[0].position[2]), jerk);
         assert_true(jerk < 1e-5 * mass * gravity);
         assert_stays(&yard, 1e-9);
-        yard_fini(&yard);
     }
 }
 

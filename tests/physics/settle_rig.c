@@ -7,7 +7,6 @@
 
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
-#include "tests/test.h"
 
 static const struct rig_scene_choice coman = {
     .file = "coman.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};

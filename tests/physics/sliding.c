@@ -4,14 +4,10 @@
  * Coulomb's law holds for the impulses of every tick, and the way is the closed form's.
  */
 #include "base/array.h"
-#include "model/plant.h"
-
-#include <math.h>
 
 #include "tests/physics/contact_scene.h"
 #include "tests/physics/free_rig.h"
 #include "tests/physics/near.h"
-#include "tests/test.h"
 
 enum { SECOND = 1000, STARTS = 500, RESTING = 100 /* last ticks of a run */ };
 

@@ -7,7 +7,6 @@
 #include "tests/figure.h"
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
-#include "tests/test.h"
 
 enum { FEET = 2, SECOND = 1000 };
 

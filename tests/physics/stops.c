@@ -9,10 +9,8 @@
 #include "model/spatial.h"
 #include "model/stop.h"
 
-#include "tests/physics/near.h"
 #include "tests/physics/plant_rig.h"
 #include "tests/physics/toy_plant.h"
-#include "tests/test.h"
 
 /* A wheel on a fixed base with its range off the middle and all on one side of zero. */
 #define INERTIA 0.08
@@ -271,7 +269,7 @@ TEST(energy_balances_over_stops)
     } run[] = {{PLANT_DOPRI5, 1000000, 1e-6}, {PLANT_RK4, 10000, 2e-3}};
 
     for (size_t i = 0; i < sizeof run / sizeof *run; i++) {
-        struct plant_rig rig;
+        struct plant_rig rig CLOSED_BY(plant_rig_fini);
         struct plant_energy energy;
         double turnover;
 
@@ -296,7 +294,6 @@ TEST(energy_balances_over_stops)
                       energy.balance);
         assert_true(energy.stop_loss > 0.05 * turnover);
         assert_near(energy.balance, 0.0, run[i].tolerance * turnover);
-        plant_rig_fini(&rig);
     }
 }
 

@@ -5,8 +5,8 @@
  */
 
 #include "tests/physics/near.h"
+#include "tests/unit/arena_fixture.h"
 #include "tests/physics/toy_plant.h"
-#include "tests/test.h"
 
 enum { MS = 1000000 };
 
@@ -214,10 +214,9 @@ TEST(a_chopper_holds_the_bus)
 
 /* Without a bus a supply of that kind gives all back to its source, and does not rise beyond its
  * resistance: as before. */
-TEST(a_bus_needs_a_source_with_a_resistance)
+TEST_WITH(a_bus_needs_a_source_with_a_resistance, open_arena, close_arena)
 {
     static struct toy toy;
-    struct arena arena;
     struct dynamics dynamics;
     struct plant_config config = {.robot = &toy.robot,
                                   .dynamics = &dynamics,
@@ -229,7 +228,6 @@ TEST(a_bus_needs_a_source_with_a_resistance)
     struct error error;
 
     toy_walker(&toy);
-    assert_ok(arena_init(&arena, 1 << 22, &error));
     assert_ok(dynamics_generic(&toy.robot, &arena, &dynamics, &error));
     assert_int_equal(plant_create(&config, &arena, &plant, &error), ERROR_INPUT);
     config.supply_ohm = 0.1;
@@ -238,5 +236,4 @@ TEST(a_bus_needs_a_source_with_a_resistance)
     assert_int_equal(plant_create(&config, &arena, &plant, &error), ERROR_INPUT);
     config.bus.off_v = 54.0;
     assert_ok(plant_create(&config, &arena, &plant, &error));
-    arena_fini(&arena);
 }

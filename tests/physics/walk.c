@@ -6,9 +6,7 @@
  */
 #include "base/array.h"
 #include "base/vec3.h"
-#include "sim/simulator.h"
 #include "tests/rig_run.h"
-#include "tests/test.h"
 
 enum { SIGNALS_MAX = 64, PELVIS = 0, STIFFEST_NM_RAD = 1000 /* stiffer ones are gears */ };
 

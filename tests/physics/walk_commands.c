@@ -4,7 +4,6 @@
  * again, through the requests that the control socket makes, against where the plant's pelvis is.
  */
 #include "base/array.h"
-#include "rt/requests.h"
 #include "sim/simulator.h"
 #include "tests/test.h"
 #include "tests/tunables.h"
@@ -100,7 +99,7 @@ static void perform(struct lead *lead)
 {
     struct simulator_observer observer = {lead, lead_on};
     struct realtime_report report;
-    struct arena arena;
+    struct arena arena CLOSED_BY(arena_fini);
     struct error error;
 
     assert_ok(try_to_open(lead, "walk", &arena, &observer, &error));
@@ -109,7 +108,6 @@ static void perform(struct lead *lead)
     task_runner_read(simulator_task_runner(lead->simulator), &lead->status);
     lead->hash = plant_hash(simulator_plant(lead->simulator));
     simulator_destroy(lead->simulator);
-    arena_fini(&arena);
 }
 
 /* ---- a walk that is led ---- */
@@ -213,7 +211,7 @@ TEST(settings_are_checked_and_go_back_with_time)
                         .seconds = 1};
     struct simulator_observer observer = {&lead, note_settings};
     struct realtime_report report;
-    struct arena arena;
+    struct arena arena CLOSED_BY(arena_fini);
     struct error error;
 
     assert_ok(try_to_open(&lead, "walk", &arena, &observer, &error));
@@ -227,7 +225,6 @@ TEST(settings_are_checked_and_go_back_with_time)
     assert_true(fabs(lead.x[2] - 0.15) < 1e-12);
     assert_true(fabs(lead.x[3] - 0.45) < 1e-12);
     simulator_destroy(lead.simulator);
-    arena_fini(&arena);
 }
 
 TEST(wrong_settings_are_refused_by_name)
@@ -245,7 +242,7 @@ TEST(wrong_settings_are_refused_by_name)
 
     for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
         struct lead lead = {.clock = LOOP_CLOCK_FREE, .setting = {wrong[i].setting}, .seconds = 1};
-        struct arena arena;
+        struct arena arena CLOSED_BY(arena_fini);
         struct error error;
 
         if (try_to_open(&lead, wrong[i].task, &arena, NULL, &error) != ERROR_INPUT) {
@@ -254,6 +251,5 @@ TEST(wrong_settings_are_refused_by_name)
         if (!strstr(error.text, wrong[i].says)) {
             fail_msg("%s: %s", wrong[i].setting, error.text);
         }
-        arena_fini(&arena);
     }
 }

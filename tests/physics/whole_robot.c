@@ -11,7 +11,6 @@
 
 #include "tests/physics/near.h"
 #include "tests/physics/rig_scene.h"
-#include "tests/test.h"
 
 enum { BODIES = 40, SUBSTEPS = 10, WINDOW = 5, MIDDLE = 2, PATCHES = 64, SENSORS = 8 };
 

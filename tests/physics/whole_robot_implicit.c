@@ -9,7 +9,6 @@
 #include "tests/figure.h"
 #include "tests/physics/near.h"
 #include "tests/physics/rig_squat.h"
-#include "tests/test.h"
 
 enum { BEGIN = 200, SAMPLES = 2300, STEPS = 3 }; /* ms; BEGIN: after the transient */
 

@@ -3,7 +3,6 @@
 #include "tests/soak/fault_lines.h"
 
 #include <stdio.h>
-#include <string.h>
 
 static const double BROKEN_SPRING_S = 0.15;
 

@@ -2,7 +2,6 @@
 /* Random frames of a node that belongs to nobody. */
 #include "tests/soak/intruder.h"
 
-#include "boards/icub/protocol.h"
 #include "canbus/lockstep.h"
 
 static const double BURST = 0.01; /* in a tick */

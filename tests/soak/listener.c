@@ -3,7 +3,6 @@
 #include "tests/soak/listener.h"
 
 #include "base/hash.h"
-#include "boards/icub/protocol.h"
 #include "canbus/lockstep.h"
 
 #include <inttypes.h>

@@ -2,15 +2,9 @@
 /* A simulator with its guests: the harness, the controller's STEP frames, creation and end. */
 #include "tests/soak/part.h"
 
-#include "base/hash.h"
-#include "boards/icub/protocol.h"
-#include "canbus/lockstep.h"
-
 #include <inttypes.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #define MEMORY ((size_t)1 << 30) /* of address space */
 

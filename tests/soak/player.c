@@ -2,9 +2,7 @@
 /* The host library and the servo of the tasks, used as somebody would who never gives up. */
 #include "tests/soak/player.h"
 
-#include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 #define ARENA ((size_t)4 << 20)
 #define MS INT64_C(1000000)

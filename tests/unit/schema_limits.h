@@ -14,7 +14,6 @@
 #include <float.h>
 
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 enum { PATH = 160, TEXT = 8192 };
 

@@ -61,10 +61,9 @@ TEST_ON(hands_out_nothing_once_it_is_sealed, arena, arena)
 
 TEST(finishing_twice_does_no_harm)
 {
-    struct arena arena;
+    struct arena arena CLOSED_BY(arena_fini);
 
     assert_ok(arena_init(&arena, 4096, NULL));
-    arena_fini(&arena);
     arena_fini(&arena);
 }
 

@@ -136,7 +136,7 @@ TEST_WITH(a_list_has_each_name_once_in_order, start, stop)
 {
     static const char *const expected[] = {"arm", "coman", "walkman"};
     struct config_entry *entries;
-    struct arena arena;
+    struct arena arena CLOSED_BY(arena_fini);
     size_t count;
 
     touch(built, "walkman.yaml");
@@ -153,7 +153,6 @@ TEST_WITH(a_list_has_each_name_once_in_order, start, stop)
         assert_string_equal(entries[i].name, expected[i]);
     }
     assert_memory_equal(entries[1].path, local, strlen(local));
-    arena_fini(&arena);
 }
 
 TEST_WITH(a_path_that_is_too_long_is_refused, start, stop)

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Command lines through the table of options. */
-#include "base/options.h"
 
 #include "base/array.h"
 

@@ -5,8 +5,6 @@
 
 #include "base/options.h"
 
-#include <stdbool.h>
-#include <stddef.h>
 #include <stdint.h>
 
 /* Where the options put what they read. */

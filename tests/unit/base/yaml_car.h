@@ -11,7 +11,6 @@
 #include <float.h>
 
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 /* ---- a schema with everything in it ---- */
 

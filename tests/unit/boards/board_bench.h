@@ -11,6 +11,7 @@
 
 #include "boards/board.h"
 #include "boards/icub/protocol.h"
+#include "boards/protocol_list.h"
 #include "tests/test.h"
 
 enum { BENCH_JOINTS = 5, BENCH_BUSES = 2, BENCH_BOARDS = 5, BENCH_FRAMES = 1024 };

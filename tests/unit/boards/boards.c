@@ -160,8 +160,7 @@ TEST_ON(without_a_wire_an_answer_waits_for_the_end_of_its_tick, bench_configure,
     bench->board[0].reply = (struct board_reply_time){1500 * US, 0};
     bench_start(bench);
     for (int tick = 0; tick < 3; tick++) {
-        bench_send(bench, 0, 0x701, "FF");
-        bench_tick(bench);
+        bench_say(bench, 0, 0x701, "FF");
         assert_int_equal(bench->count[0], tick > 0); /* due in the second tick */
     }
 }

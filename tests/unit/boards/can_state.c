@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What boards tell of their CAN controllers: by hand, and with a wire that counts. */
 #include "boards/foc/protocol.h"
-#include "boards/protocol_list.h"
 #include "canbus/wire/wire.h"
 #include "tests/unit/boards/board_bench.h"
 #include "tests/unit/canbus/wire/wire_force.h"

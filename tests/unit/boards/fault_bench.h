@@ -7,7 +7,6 @@
 
 #include "faults/faults.h"
 #include "boards/sensing/sensing.h"
-#include "tests/test.h"
 
 #define MS INT64_C(1000000)
 

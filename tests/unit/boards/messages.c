@@ -5,7 +5,6 @@
  * of the bus plans' table.
  */
 #include "boards/messages.h"
-#include "boards/protocol_list.h"
 #include "tests/protocol_file.h"
 #include "tests/unit/boards/board_bench.h"
 

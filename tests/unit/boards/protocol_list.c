@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The list of protocols: each is found by its name, has what everyone may ask for, and is refused
  * what it cannot do. */
-#include "boards/protocol_list.h"
+#include "tests/unit/arena_fixture.h"
 
-#include "base/array.h"
 #include "boards/described/protocol.h"
 #include "tests/unit/boards/board_bench.h"
 
@@ -71,7 +70,7 @@ TEST(a_mode_that_a_board_reports_has_a_name)
     assert_string_equal(protocol_described.mode_name(6), "impedance");
 }
 
-TEST(boards_that_a_protocol_cannot_have_are_refused)
+TEST_WITH(boards_that_a_protocol_cannot_have_are_refused, open_arena, close_arena)
 {
     const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_moteus},
                                                          {.protocol = &protocol_described}};
@@ -79,10 +78,8 @@ TEST(boards_that_a_protocol_cannot_have_are_refused)
     const struct boards_config config = {
         .nboard = 9, .board = board, .nbus = BENCH_BUSES, .bus = buses, .tick_ns = 1000000};
     struct boards *boards;
-    struct arena arena;
     struct error error;
 
-    assert_ok(arena_init(&arena, 1 << 22, &error));
     for (int i = 0; i < 9; i++) {
         board[i] = bench_motor("hip", 1, (uint8_t)(i + 1), 0, 1);
         board[i].axis[2].joint = 2;
@@ -96,5 +93,4 @@ TEST(boards_that_a_protocol_cannot_have_are_refused)
     assert_int_equal(boards_create(&config, &arena, &boards, &error), ERROR_INPUT);
     assert_string_equal(error.text, "board knee: found a servo valve on a bus that speaks moteus, "
                                     "expected a motor");
-    arena_fini(&arena);
 }

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Settings of axes beside the bus: the same values and ranges as over it, for all that boards
  * speak. */
-#include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
 
 static size_t find(const struct board_bench *bench, size_t board, size_t axis, const char *name,

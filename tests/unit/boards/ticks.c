@@ -6,7 +6,6 @@
  * have passed, nothing drifts.
  */
 #include "base/array.h"
-#include "boards/protocol_list.h"
 #include "tests/protocol_file.h"
 #include "tests/unit/boards/board_bench.h"
 

@@ -310,14 +310,13 @@ TEST_ON(memory_that_runs_out_is_an_error, start, b)
 
     /* With one block more each time, until it is enough */
     for (blocks = 0; code; blocks++) {
-        struct arena small;
+        struct arena small CLOSED_BY(arena_fini);
 
         assert_in_range(blocks, 0, 200);
         assert_ok(arena_init(&small, (size_t)1 << 20, &b->error));
         assert_non_null(arena_alloc(&small, small.capacity / 64 - blocks, 64));
         code = build_small(&small, &b->error);
         assert_true(code == ERROR_MEMORY || code == ERROR_NONE);
-        arena_fini(&small);
     }
     assert_true(blocks > 20);
 }

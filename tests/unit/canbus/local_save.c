@@ -1,14 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A local bus goes back to a state that was saved: the frames between the nodes of one thread, and
  * its wire. */
-#include "canbus/port.h"
 #include "canbus/wire/wire.h"
 
 #include <linux/can/error.h>
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/canbus/numbered_frames.h"
-#include "tests/test.h"
 #include "tests/unit/canbus/wire/wire_force.h"
 
 static struct error error;

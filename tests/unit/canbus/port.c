@@ -2,10 +2,7 @@
 /* What every port counts, and the state that error frames give it. */
 #include "canbus/port_private.h"
 
-#include "base/array.h"
 #include "tests/test.h"
-
-#include <linux/can/error.h>
 
 static struct bus_frame error_frame(uint32_t class, uint8_t controller)
 {

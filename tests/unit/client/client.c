@@ -4,16 +4,11 @@
 #include "tests/test.h"
 
 #include <errno.h>
-#include <math.h>
 #include <netdb.h>
 #include <netinet/in.h>
 #include <pthread.h>
 #include <stdatomic.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 enum { TEXT_MAX = 1 << 19, SHORT_MS = 2000, LONG_MS = 20000 };

@@ -51,7 +51,7 @@ static bool pair_meets(const struct broad_balls *ball, const struct contact_pair
  * question to the next; half-spaces on a body walk too. */
 static void walk(int body)
 {
-    struct arena arena;
+    struct arena arena CLOSED_BY(arena_fini);
     struct broad_phase broad;
     uint64_t seed = 3, near[(PAIRS + 63) / 64];
     size_t met = 0;
@@ -84,7 +84,6 @@ static void walk(int body)
         }
     }
     assert_true(met > 10000 && met < 1000 * config.npair);
-    arena_fini(&arena);
 }
 
 TEST(finds_the_pairs_whose_balls_meet_and_no_others)
@@ -99,6 +98,25 @@ TEST(half_spaces_that_move_are_found_too)
 
 CLOSED_BENCH(arena, struct arena, arena_fini)
 
+/* Two long capsules side by side, this far apart. */
+static void two_capsules(struct arena *arena, double apart, struct broad_capsule capsule,
+                         struct broad_phase *broad)
+{
+    for (int i = 0; i < 2; i++) {
+        surface[i] = (struct contact_surface){.shape = CONTACT_CAPSULE};
+    }
+    pair[0] = (struct contact_pair){.a = 0, .b = 1};
+    config.npair = 1;
+    assert_ok(arena_init(arena, 1 << 20, &error));
+    assert_ok(broad_phase_make(&config, arena, broad, &error));
+    for (int i = 0; i < 2; i++) {
+        broad->ball.x[i] = apart * i;
+        broad->ball.y[i] = broad->ball.z[i] = 0;
+        broad->ball.reach[i] = 1.1;
+        broad->capsule[i] = capsule;
+    }
+}
+
 /* A long capsule that turns about its center comes near another with its end alone. */
 TEST_ON(a_capsule_that_turns_is_found, arena, arena)
 {
@@ -106,19 +124,7 @@ TEST_ON(a_capsule_that_turns_is_found, arena, arena)
     uint64_t near[1];
     int met = 0;
 
-    for (int i = 0; i < 2; i++) {
-        surface[i] = (struct contact_surface){.shape = CONTACT_CAPSULE};
-    }
-    pair[0] = (struct contact_pair){.a = 0, .b = 1};
-    config.npair = 1;
-    assert_ok(arena_init(arena, 1 << 20, &error));
-    assert_ok(broad_phase_make(&config, arena, &broad, &error));
-    for (int i = 0; i < 2; i++) {
-        broad.ball.x[i] = 0.8 * i;
-        broad.ball.y[i] = broad.ball.z[i] = 0;
-        broad.ball.reach[i] = 1.1;
-        broad.capsule[i] = (struct broad_capsule){.half = {0, 0, 1}, .radius = 0.1};
-    }
+    two_capsules(arena, 0.8, (struct broad_capsule){.half = {0, 0, 1}, .radius = 0.1}, &broad);
     for (double angle = 0; angle < 1; angle += 0.001) {
         broad.capsule[0].half[0] = sin(angle);
         broad.capsule[0].half[2] = cos(angle);
@@ -132,21 +138,9 @@ TEST_ON(a_capsule_that_turns_is_found, arena, arena)
 TEST_ON(long_capsules_side_by_side_are_apart_though_their_balls_meet, arena, arena)
 {
     struct broad_phase broad;
-    uint64_t near[(PAIRS + 63) / 64];
+    uint64_t near[1];
 
-    for (int i = 0; i < 2; i++) {
-        surface[i].shape = CONTACT_CAPSULE;
-    }
-    pair[0] = (struct contact_pair){.a = 0, .b = 1};
-    config.npair = 1;
-    assert_ok(arena_init(arena, 1 << 20, &error));
-    assert_ok(broad_phase_make(&config, arena, &broad, &error));
-    for (int i = 0; i < 2; i++) {
-        broad.ball.x[i] = 0.3 * i;
-        broad.ball.y[i] = broad.ball.z[i] = 0;
-        broad.ball.reach[i] = 1.1;
-        broad.capsule[i] = (struct broad_capsule){.half = {0, 0.6, 0.8}, .radius = 0.1};
-    }
+    two_capsules(arena, 0.3, (struct broad_capsule){.half = {0, 0.6, 0.8}, .radius = 0.1}, &broad);
     broad_phase_find(&broad, near);
     assert_int_equal(near[0], 0);
     broad.ball.x[1] = 0.19;
@@ -231,7 +225,7 @@ static void approach(struct broad_phase *broad, int k, double distance, double x
 TEST(capsules_that_approach_and_turn_at_once_are_found_in_the_kept_list)
 {
     for (int k = 0; k < 3; k++) {
-        struct arena arena;
+        struct arena arena CLOSED_BY(arena_fini);
         struct broad_phase broad;
         uint64_t near[1];
 
@@ -257,7 +251,6 @@ TEST(capsules_that_approach_and_turn_at_once_are_found_in_the_kept_list)
         approach(&broad, k, 0.23, 0.01001);
         broad_phase_find(&broad, near);
         assert_int_equal(near[0], 0);
-        arena_fini(&arena);
     }
 }
 
@@ -267,7 +260,7 @@ TEST(balls_are_found_in_the_kept_list)
     for (int plane = 0; plane < 2; plane++) {
         for (int k = 0; k < 3; k++) {
             const double far = plane ? 0.113 : 0.22, close = plane ? 0.0999 : 0.1999;
-            struct arena arena;
+            struct arena arena CLOSED_BY(arena_fini);
             struct broad_phase broad;
             uint64_t near[1];
 
@@ -294,7 +287,6 @@ TEST(balls_are_found_in_the_kept_list)
                 assert_int_equal(near[0], step);
                 broad.nrow = 0;
             }
-            arena_fini(&arena);
         }
     }
 }
@@ -306,7 +298,7 @@ TEST(a_leaning_capsule_is_near_a_plane_when_its_end_is)
     for (int side = -1; side <= 1; side += 2) {
         for (int ball = 0; ball < 2; ball++) {
             const double reach = ball ? 0.5 : 1.1;
-            struct arena arena;
+            struct arena arena CLOSED_BY(arena_fini);
             struct broad_phase broad;
             uint64_t near[1];
 
@@ -327,7 +319,6 @@ TEST(a_leaning_capsule_is_near_a_plane_when_its_end_is)
                     assert_int_equal(near[0], i < 0);
                 }
             }
-            arena_fini(&arena);
         }
     }
 }

@@ -6,7 +6,6 @@
 #include "model/robot.h"
 
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 #define COMAN HIL_SOURCE_DIR "/config/robots/coman.yaml"
 

@@ -3,11 +3,9 @@
  * The numeric dynamics against what is known without another program: closed forms, the balance of
  * momentum and energy, the robot's own mirror image, and its two directions against each other.
  */
-#include "model/dynamics.h"
 #include "model/spatial.h"
 #include "tests/unit/model/coman.h"
 #include "tests/unit/model/random_robot.h"
-#include "tests/test.h"
 
 static struct error error;
 

@@ -9,7 +9,6 @@
 #include <csetjmp>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 extern "C" {
 

@@ -7,8 +7,6 @@
 #include "model/dynamics.h"
 #include "model/robot.h"
 
-#include <stdint.h>
-
 enum { RANDOM_JOINTS = 30 };
 
 /* A robot and the memory of its parts. */

@@ -2,10 +2,8 @@
 /* The buses of rigs: what each speaks, what that allows on it, how far it is loaded. */
 #include "boards/described/protocol.h"
 #include "boards/protocol_list.h"
-#include "rig/rig.h"
 
 #include "tests/unit/rig/rig_bench.h"
-#include "tests/test.h"
 
 /* ---- what a bus speaks ---- */
 

@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Bodies of a rig's scene: what becomes of good ones, and where bad ones are wrong. */
-#include "rig/rig.h"
 
 #include "tests/unit/rig/rig_bench.h"
-#include "tests/test.h"
 
 /* The toy rig with these bodies, which begin in line 12, and one surface and pair the more. */
 static void write_rig(const char *bodies, const char *surface, const char *pair)

@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The wire section of rigs: how long frames take, and buses that cannot carry their traffic. */
-#include "rig/rig.h"
 
 #include "tests/unit/rig/rig_bench.h"
-#include "tests/test.h"
 
 static const struct rig_wire *wire_of(const char *line)
 {

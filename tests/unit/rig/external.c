@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Boards that a rig calls external: what becomes of the keys, and where they are refused. */
-#include "rig/rig.h"
 
 #include "tests/unit/rig/rig_bench.h"
 

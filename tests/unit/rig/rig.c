@@ -1,10 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Rig files: what becomes of a good one, and where a bad one is wrong. */
-#include "rig/rig.h"
 #include "rt/recording/recorder.h"
 
 #include "tests/unit/rig/rig_bench.h"
-#include "tests/test.h"
 
 static const struct rig *load_toy(void)
 {

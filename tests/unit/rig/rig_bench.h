@@ -8,7 +8,6 @@
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/rig/rig_files.h"
-#include "tests/test.h"
 
 FIXTURE(open_rig_tree)
 {

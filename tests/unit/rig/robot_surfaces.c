@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The robot's capsules in a rig: which surfaces and pairs they make, and what is refused. */
-#include "rig/rig.h"
 
 #include "tests/unit/rig/rig_bench.h"
-#include "tests/test.h"
 
 /* Of the arms that can swing about the trunk the right one can reach the other. */
 static const char capsules[] =

@@ -1,10 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The sections `sensors`, `faults` and `seed` of a rig: what becomes of them, and where they are
  * wrong. */
-#include "rig/rig.h"
 
 #include "tests/unit/rig/rig_bench.h"
-#include "tests/test.h"
 
 static void refused(const char *lines, const char *message)
 {

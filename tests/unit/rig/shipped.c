@@ -11,7 +11,6 @@
 #include <dirent.h>
 #include <inttypes.h>
 
-#include "tests/test.h"
 #include "tests/unit/arena_fixture.h"
 
 static void tell_scene(const struct rig *rig, FILE *out)

@@ -3,7 +3,6 @@
 #include "sim/buses.h"
 
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 static const struct rig_bus rig_buses[] = {
     {.name = "torso", .interface = "can0", .bitrate = 1000000},
@@ -42,9 +41,9 @@ TEST_WITH(wrong_overrides_are_refused_with_what_was_expected, open_arena, close_
 TEST_WITH(local_buses_bear_the_interface_names_and_carry_frames, open_arena, close_arena)
 {
     const char *item[] = {"left_leg=vcan7"};
-    struct bus_ports simulator, task;
+    struct bus_ports simulator CLOSED_BY(bus_ports_close), task CLOSED_BY(bus_ports_close);
     struct bus_frame frame = frame_make(0x123, 2, (const uint8_t[]){1, 2}), found;
-    struct buses buses;
+    struct buses buses CLOSED_BY(buses_close);
     struct error error;
     char notice[256];
 
@@ -59,9 +58,6 @@ TEST_WITH(local_buses_bear_the_interface_names_and_carry_frames, open_arena, clo
     assert_int_equal(can_receive(simulator.port[0], &found, 1), 0);
     assert_int_equal(can_receive(simulator.port[1], &found, 1), 1);
     assert_int_equal(found.id, 0x123);
-    bus_ports_close(&task);
-    bus_ports_close(&simulator);
-    buses_close(&buses);
 }
 
 /* What one side sends needs its time on the wire; the boards' side stands for as many controllers
@@ -76,8 +72,8 @@ TEST_WITH(timed_local_buses_deliver_when_they_are_advanced, open_arena, close_ar
                                      .wire = {.timed = true},
                                      .lockstep = {.step_id = 0x6f0, .done_id = 0x6ff}};
     struct bus_frame frame = frame_make(0x123, 2, (const uint8_t[]){1, 2}), found;
-    struct bus_ports simulator, task;
-    struct buses buses;
+    struct bus_ports simulator CLOSED_BY(bus_ports_close), task CLOSED_BY(bus_ports_close);
+    struct buses buses CLOSED_BY(buses_close);
     struct error error;
     char notice[256];
 
@@ -93,28 +89,24 @@ TEST_WITH(timed_local_buses_deliver_when_they_are_advanced, open_arena, close_ar
     buses_advance(&buses, 0, 1000000);
     assert_int_equal(can_receive(task.port[0], &found, 1), 1);
     assert_true(found.time_ns > 60000 && found.time_ns < 80000);
-    bus_ports_close(&task);
-    bus_ports_close(&simulator);
-    buses_close(&buses);
 }
 
 TEST_WITH(without_can_auto_is_local_and_says_so, open_arena, close_arena)
 {
-    struct buses buses;
+    struct buses buses CLOSED_BY(buses_close);
     struct error error;
     char notice[256];
 
     assert_ok(buses_open(&rig, TRANSPORT_AUTO, NULL, 0, 1, true, &arena, &buses, notice, &error));
     assert_int_equal(buses.local, !socketcan_available());
     assert_int_equal(notice[0] != '\0', !socketcan_available());
-    buses_close(&buses);
 }
 
 TEST_WITH(a_named_interface_is_never_replaced_by_a_local_bus, open_arena, close_arena)
 {
     const char *item[] = {"torso=no-such-if"};
     struct bus_ports ports;
-    struct buses buses;
+    struct buses buses CLOSED_BY(buses_close);
     struct error error;
     char notice[256];
 
@@ -122,7 +114,6 @@ TEST_WITH(a_named_interface_is_never_replaced_by_a_local_bus, open_arena, close_
     assert_int_not_equal(buses_join(&buses, &arena, &ports, &error), ERROR_NONE);
     assert_int_equal(ports.count, 0);
     assert_non_null(strstr(error.text, "bus torso"));
-    buses_close(&buses);
 }
 
 /* One simulator after the other on an interface is as usual; a second one beside it is told. */

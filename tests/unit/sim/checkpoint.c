@@ -8,7 +8,6 @@
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/canbus/numbered_frames.h"
-#include "tests/test.h"
 #include "tests/unit/canbus/wire/wire_force.h"
 
 TEST_WITH(copies_come_back_around_their_holes, open_arena, close_arena)

@@ -6,15 +6,12 @@
 #ifndef TESTS_UNIT_SIM_EXTERNAL_BENCH_H
 #define TESTS_UNIT_SIM_EXTERNAL_BENCH_H
 
-#include "sim/simulator.h"
-
 #include "boards/foc/protocol.h"
 #include "boards/icub/protocol.h"
 #include "boards/protocol_list.h"
 #include "canbus/frame.h"
 #include "model/drives/actuator.h"
 #include "tests/rig_run.h"
-#include "tests/test.h"
 
 enum { MS_NS = 1000000, BUS = 1, BOARDS_MAX = 64, TIMEOUT_MS = 20 };
 

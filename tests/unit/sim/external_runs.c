@@ -6,8 +6,6 @@
  */
 #include "tests/unit/sim/external_bench.h"
 
-#include "rt/requests.h"
-
 enum { TICKS = 4000, TICK_FRAMES = 8, AT = 3000, SPAN = 200 };
 
 /* What the real board sent, and where its rotor was, before each tick. */

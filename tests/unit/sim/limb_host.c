@@ -4,9 +4,7 @@
  * the bench it moves its link, with the gains of docs/icub-software.md to where it is told.
  */
 #include "base/array.h"
-#include "sim/simulator.h"
 #include "tests/rig_run.h"
-#include "tests/test.h"
 
 enum { LEFT_LEG = 1, FRAMES = 8 };
 

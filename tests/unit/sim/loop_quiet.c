@@ -4,11 +4,8 @@
  * boards, buses, recorder and the squat task runs with every malloc of the loop's thread counted.
  * The contact engine is left out, for Simbody allocates by nature.
  */
-#include "sim/simulator.h"
 #include "tests/rig_run.h"
-#include "tests/test.h"
 
-#include <dirent.h>
 #include <unistd.h>
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)

@@ -5,9 +5,7 @@
  */
 #include "sim/simulator_private.h"
 
-#include "base/array.h"
 #include "tests/rig_run.h"
-#include "tests/test.h"
 
 enum { TICKS = 40, BODIES = 3 };
 

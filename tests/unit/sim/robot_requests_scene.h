@@ -5,10 +5,8 @@
 #define TESTS_UNIT_SIM_ROBOT_REQUESTS_SCENE_H
 
 #include "base/hash.h"
-#include "sim/simulator.h"
 #include "rt/requests.h"
 #include "tests/rig_run.h"
-#include "tests/test.h"
 
 enum { TICKS_MAX = 4000, FAULTS = 8 };
 

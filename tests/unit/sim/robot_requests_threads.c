@@ -5,10 +5,7 @@
  * The thread sanitizer looks on; without it the test still counts the answers.
  */
 #include "base/random.h"
-#include "sim/simulator.h"
-#include "rt/requests.h"
 #include "tests/rig_run.h"
-#include "tests/test.h"
 #include "tests/tunables.h"
 
 #include <pthread.h>

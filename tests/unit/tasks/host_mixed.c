@@ -188,7 +188,7 @@ TEST(a_bus_whose_protocol_has_no_host_is_refused)
     struct host_bus bus = {.described = &described};
     const struct host_config config = {
         .nbus = 1, .bus = &bus, .supply_v = 48, .period_ns = 1000000};
-    struct arena arena;
+    struct arena arena CLOSED_BY(arena_fini);
     struct host *host;
 
     assert_ok(arena_init(&arena, 1 << 20, &error));
@@ -201,7 +201,6 @@ TEST(a_bus_whose_protocol_has_no_host_is_refused)
     bus.protocol = "nobody";
     assert_int_equal(host_create(&config, &arena, &host, &error), ERROR_INPUT);
     assert_string_equal(error.text, "host: bus 0 speaks nobody, which no host knows");
-    arena_fini(&arena);
 }
 
 /* ---- described boards that report unasked ---- */

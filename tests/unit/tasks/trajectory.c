@@ -5,7 +5,6 @@
 #include "base/array.h"
 
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 static const struct trajectory_limit limits[] = {{"hip", -1, 2, 10}, {"knee", 0, 4, 0}};
 

@@ -4,9 +4,6 @@
  * voltages and of its angle with 1 % of noise: each number comes back within 2 %, or is said not
  * to be known so well. What is wrong with benches and recordings is refused with its place.
  */
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
 #include <unistd.h>
 
 #include "app/identify/identify.h"
@@ -14,7 +11,6 @@
 #include "base/random.h"
 #include "tests/physics/near.h"
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 #define RIG HIL_SOURCE_DIR "/config/rigs/xl330-pendulum.yaml"
 #define BENCH_FILE HIL_SOURCE_DIR "/config/validation/xl330.yaml"

@@ -6,12 +6,7 @@
 #include "app/import/import.h"
 #include "model/hydraulics/hydraulic.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 #define HYQ HIL_SOURCE_DIR "/config/drives/hyq.yaml"
 

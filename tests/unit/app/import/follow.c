@@ -4,12 +4,8 @@
 #include "app/import/drive.h"
 #include "app/import/joint_inertia.h"
 
-#include <math.h>
-#include <stdio.h>
-
 #include "tests/physics/near.h"
 #include "tests/unit/app/import/text.h"
-#include "tests/test.h"
 
 FIXTURE(open_coupled)
 {

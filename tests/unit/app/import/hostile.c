@@ -10,9 +10,6 @@
 #include "app/import/readers.h"
 #include "tests/test.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <time.h>
 
 enum { SIZE = 10 << 20, SHARE = 4, TRIES = 3 };

@@ -3,16 +3,11 @@
 #include "app/import/mesh_private.h"
 #include "contact/mesh/mesh.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "tests/physics/near.h"
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 static const double one[3] = {1, 1, 1};
 

@@ -2,14 +2,10 @@
 /* MJCF in several files: where they are looked for, what comes of them, and what is refused. */
 #include "app/import/readers.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 #define INERTIAL "<inertial mass='1' pos='0 0 0' diaginertia='1 1 1'/>"
 

@@ -8,10 +8,6 @@
 #include "tests/physics/near.h"
 #include "tests/test.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 static struct arena arena;

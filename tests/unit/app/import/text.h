@@ -6,10 +6,7 @@
 
 #include "app/import/import.h"
 
-#include <string.h>
-
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 #define INERTIA "<inertia ixx='0.1' iyy='0.1' izz='0.1' ixy='0' ixz='0' iyz='0'/>"
 #define LINK(name)                                                                                 \

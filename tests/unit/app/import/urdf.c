@@ -2,15 +2,10 @@
 /* URDF, SRDF and MJCF to a robot: each pitfall of such files by a file of its own, made here. */
 #include "app/import/readers.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 #include "tests/physics/near.h"
 #include "base/array.h"
 #include "base/vec3.h"
 #include "tests/unit/app/import/text.h"
-#include "tests/test.h"
 
 /* ---- what is merged ---- */
 

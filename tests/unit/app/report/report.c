@@ -98,7 +98,7 @@ TEST(the_first_error_comes_back_when_it_closes)
 TEST(signals_are_read_by_title_within_a_time)
 {
     static const char *const titles[] = {"b", "a"};
-    struct signals signals;
+    struct signals signals CLOSED_BY(signals_free);
 
     write_file("signals.csv", "time_s,a,b\n0,1,2\n1,3,4\n2,5,6\n");
     assert_ok(signals_read(path_of("signals.csv"), titles, 2, 0.5, INFINITY, &signals, &error));
@@ -106,7 +106,6 @@ TEST(signals_are_read_by_title_within_a_time)
     assert_int_equal(signals.count, 2);
     assert_true(signals.value[0][0] == 1.0 && signals.value[1][0] == 4.0 &&
                 signals.value[2][1] == 5.0);
-    signals_free(&signals);
 }
 
 TEST(wrong_signals_are_refused_with_their_place)

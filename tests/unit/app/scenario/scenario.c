@@ -2,10 +2,8 @@
 /* Reading scenarios: parameters, labels, patterns, and what is refused with which words. */
 #include "base/random.h"
 #include "app/scenario/jobs.h"
-#include "app/scenario/private.h"
 
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 #define FILE_NAME "config/scenarios/x.yaml"
 

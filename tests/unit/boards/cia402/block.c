@@ -5,7 +5,6 @@
  */
 #include "tests/unit/boards/cia402/cia402_bench.h"
 
-#include "boards/cia402/table.h"
 #include "base/random.h"
 
 enum { REQUEST = 0x604, REPLY = 0x584, DOMAIN_INDEX = 0x2001 };

@@ -6,7 +6,6 @@
 #include "boards/cia402/protocol.h"
 #include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
-#include "tests/test.h"
 
 static const struct boards_bus_config buses[BENCH_BUSES] = {{.protocol = &protocol_cia402},
                                                             {.protocol = &protocol_cia402}};
@@ -49,8 +48,7 @@ static inline void start(struct board_bench *bench)
 static inline void sdo(struct board_bench *bench, unsigned node, const char *request,
                        const char *answer)
 {
-    bench_send(bench, 0, CIA402_SDO_REQUEST + node, request);
-    bench_tick(bench);
+    bench_say(bench, 0, CIA402_SDO_REQUEST + node, request);
     bench_expect(bench, 0, CIA402_SDO_REPLY + node, answer);
 }
 

@@ -5,7 +5,6 @@
 #define TESTS_UNIT_BOARDS_CIA402_CIA402_MOTOR_H
 
 #include "tests/unit/boards/cia402/cia402_bench.h"
-#include "tests/test.h"
 
 #define R_OHM 0.664
 #define KW 4.1
@@ -58,6 +57,20 @@ static inline void put(struct motor *motor, unsigned index, unsigned sub, unsign
     assert_int_equal(bench_find(&motor->bench, 0, CIA402_SDO_REPLY + 4)->data[0], 0x60);
 }
 
+/* Writes the controlword of axis 0 and runs this number of ticks. */
+static inline void control(struct motor *motor, unsigned word, int ticks)
+{
+    put(motor, 0x6040, 0, 2, word);
+    turn(motor, ticks);
+}
+
+/* Writes a target position first. */
+static inline void go(struct motor *motor, int64_t target, unsigned word, int ticks)
+{
+    put(motor, 0x607a, 0, 4, target);
+    control(motor, word, ticks);
+}
+
 static inline int64_t get(struct motor *motor, unsigned index)
 {
     struct bus_frame frame = {.id = CIA402_SDO_REQUEST + 4, .len = 8, .data = {0x40}};
@@ -79,8 +92,7 @@ static inline void start_motor(struct motor *motor, int mode)
     put(motor, 0x6060, 0, 1, mode);
     put(motor, 0x6040, 0, 2, 0x06);
     put(motor, 0x6040, 0, 2, 0x07);
-    put(motor, 0x6040, 0, 2, 0x0f);
-    turn(motor, 3);
+    control(motor, 0x0f, 3);
     assert_int_equal(get(motor, 0x6061) & 0xff, mode & 0xff);
 }
 

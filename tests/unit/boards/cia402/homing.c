@@ -111,21 +111,17 @@ TEST_WITH(homing_stops_when_it_is_no_longer_asked_for, NULL, motor_tear_down)
 
     open_motor(&the_motor, -0.5);
     put(&the_motor, 0x6098, 0, 1, 17);
-    put(&the_motor, 0x6040, 0, 2, START);
-    turn(&the_motor, 200);
+    control(&the_motor, START, 200);
     assert_int_equal(get(&the_motor, 0x6041) & 0x3400, 0); /* on its way */
     assert_near(the_motor.velocity, -1.0, 0.05);
 
     /* halt keeps it waiting */
-    put(&the_motor, 0x6040, 0, 2, START | 0x100);
-    turn(&the_motor, 200);
+    control(&the_motor, START | 0x100, 200);
     assert_near(the_motor.velocity, 0.0, 1e-2);
-    put(&the_motor, 0x6040, 0, 2, START);
-    turn(&the_motor, 120);
+    control(&the_motor, START, 120);
     assert_near(the_motor.velocity, -1.0, 0.05);
 
-    put(&the_motor, 0x6040, 0, 2, REST);
-    turn(&the_motor, 200);
+    control(&the_motor, REST, 200);
     before = the_motor.angle;
     turn(&the_motor, 200);
     assert_near(the_motor.angle, before, 1e-3);

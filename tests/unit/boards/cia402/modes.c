@@ -72,29 +72,22 @@ TEST_WITH(relative_goals_halt_and_limits, NULL, motor_tear_down)
     for (int i = 0; i < 2; i++) {
         put(&the_motor, 0x607a, 0, 4, 30000);
         put(&the_motor, 0x6040, 0, 2, 0x5f);
-        put(&the_motor, 0x6040, 0, 2, 0x4f);
-        turn(&the_motor, 600);
+        control(&the_motor, 0x4f, 600);
     }
     assert_near(the_motor.angle, 0.6, 2e-3);
 
     /* a halt in the middle, and on */
-    put(&the_motor, 0x607a, 0, 4, 120000);
-    put(&the_motor, 0x6040, 0, 2, 0x1f);
-    turn(&the_motor, 200);
-    put(&the_motor, 0x6040, 0, 2, 0x11f);
-    turn(&the_motor, 300);
+    go(&the_motor, 120000, 0x1f, 200);
+    control(&the_motor, 0x11f, 300);
     assert_near(the_motor.velocity, 0.0, 5e-3);
     assert_true(the_motor.angle > 0.7 && the_motor.angle < 1.0);
     assert_true(get(&the_motor, 0x6041) & 0x400);
-    put(&the_motor, 0x6040, 0, 2, 0x1f);
-    turn(&the_motor, 1000);
+    control(&the_motor, 0x1f, 1000);
     assert_near(the_motor.angle, 1.2, 2e-3);
 
     /* the software limit of 2.5 rad */
     put(&the_motor, 0x6040, 0, 2, 0x0f);
-    put(&the_motor, 0x607a, 0, 4, 400000);
-    put(&the_motor, 0x6040, 0, 2, 0x1f);
-    turn(&the_motor, 2500);
+    go(&the_motor, 400000, 0x1f, 2500);
     assert_near(the_motor.angle, 2.5, 3e-3);
     assert_true(get(&the_motor, 0x6041) & 0x800);
 }
@@ -105,9 +98,7 @@ TEST_WITH(a_following_error_is_a_fault, NULL, motor_tear_down)
     put(&the_motor, 0x6065, 0, 4, 5000);
     put(&the_motor, 0x6066, 0, 2, 20);
     the_motor.jammed = true;
-    put(&the_motor, 0x607a, 0, 4, 100000);
-    put(&the_motor, 0x6040, 0, 2, 0x1f);
-    turn(&the_motor, 500);
+    go(&the_motor, 100000, 0x1f, 500);
     assert_int_equal(get(&the_motor, 0x603f) & 0xffff, 0x8611);
     assert_int_equal(get(&the_motor, 0x6041) & 0x4f, 0x08);
 }
@@ -233,17 +224,13 @@ TEST_WITH(a_cyclic_axis_without_a_target_holds_its_place, NULL, motor_tear_down)
     the_motor.velocity = 0.0;
     turn(&the_motor, 20);
     put(&the_motor, 0x6040, 0, 2, 0x07);
-    put(&the_motor, 0x6040, 0, 2, 0x0f);
-    turn(&the_motor, 300);
+    control(&the_motor, 0x0f, 300);
     assert_near(the_motor.angle, 0.1, 2e-3);
 
     /* A quick stop ends the target, too; so does another mode */
     put(&the_motor, 0x605a, 0, 2, 6);
-    put(&the_motor, 0x607a, 0, 4, 90000);
-    put(&the_motor, 0x6040, 0, 2, 0x02);
-    turn(&the_motor, 300);
-    put(&the_motor, 0x6040, 0, 2, 0x0f);
-    turn(&the_motor, 300);
+    go(&the_motor, 90000, 0x02, 300);
+    control(&the_motor, 0x0f, 300);
     assert_true(the_motor.angle < 0.3);
     put(&the_motor, 0x6060, 0, 1, 1);
     put(&the_motor, 0x607a, 0, 4, 20000);
@@ -335,17 +322,14 @@ TEST(homing_takes_the_present_position)
         struct motor motor;
 
         enable(&motor, 1);
-        put(&motor, 0x607a, 0, 4, 70000);
-        put(&motor, 0x6040, 0, 2, 0x1f);
-        turn(&motor, 1200);
+        go(&motor, 70000, 0x1f, 1200);
         assert_near(motor.angle, 0.7, 1e-3);
         put(&motor, 0x6040, 0, 2, 0x0f);
         put(&motor, 0x6060, 0, 1, 6);
         put(&motor, 0x6098, 0, 1, method);
         put(&motor, 0x607c, 0, 4, 12345);
         assert_false(get(&motor, 0x6041) & 0x1000);
-        put(&motor, 0x6040, 0, 2, 0x1f);
-        turn(&motor, 5);
+        control(&motor, 0x1f, 5);
         assert_true(get(&motor, 0x6041) & 0x1400);
         assert_near((double)get(&motor, 0x6064), -12345.0, 20.0); /* 0 is 0.12345 rad on */
         bench_stop(&motor.bench);
@@ -365,9 +349,7 @@ TEST_WITH(a_mode_change_while_enabled_does_not_jump, NULL, motor_tear_down)
     static const int modes[] = {1, 8, 9, 10, 4, 3, 6, 0, 1};
 
     enable(&the_motor, 1);
-    put(&the_motor, 0x607a, 0, 4, 20000);
-    put(&the_motor, 0x6040, 0, 2, 0x1f);
-    turn(&the_motor, 800);
+    go(&the_motor, 20000, 0x1f, 800);
     for (size_t i = 0; i < sizeof modes / sizeof *modes; i++) {
         put(&the_motor, 0x60ff, 0, 4, 0);
         put(&the_motor, 0x6060, 0, 1, modes[i]);

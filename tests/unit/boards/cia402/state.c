@@ -288,7 +288,7 @@ TEST_ON(a_lost_connection_does_not_disturb_a_quick_stop, board_bench, bench)
 TEST(a_fault_reaction_stops_as_its_option_code_says)
 {
     for (unsigned option = 0; option <= 2; option++) {
-        struct board_bench bench;
+        struct board_bench bench CLOSED_BY(bench_stop);
 
         bring_to(&bench, CIA402_OPERATION_ENABLED);
         assert_int_equal(sdo_write(&bench, 0, 4, 0x605e, 0, 2, option), 0);
@@ -306,7 +306,6 @@ TEST(a_fault_reaction_stops_as_its_option_code_says)
         assert_true(is_in(&bench, CIA402_FAULT));
         assert_false(bench.motor[0].bridge_on);
         assert_true(boards_fault(bench.boards));
-        bench_stop(&bench);
     }
 }
 

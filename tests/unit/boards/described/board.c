@@ -6,7 +6,6 @@
  */
 #include "base/array.h"
 #include "boards/described/protocol.h"
-#include "boards/protocol_list.h"
 
 #include "tests/unit/boards/board_bench.h"
 
@@ -92,6 +91,8 @@ static void read_protocol(const char *file)
 /* Bus 0 with two drives of one axis, addresses 1 and 2, joints 0 and 2. */
 static void open_bench(const char *file, int64_t timeout_ns)
 {
+    bench_stop(base); /* of the test before */
+    arena_fini(&bench.protocols);
     memset(&bench, 0, sizeof bench);
     bench_configure(base);
     bench.bus[0].protocol = &protocol_described;
@@ -116,10 +117,11 @@ static void open_bench(const char *file, int64_t timeout_ns)
     bench_tick(base);
 }
 
-static void close_bench(void)
+/* A frame arrives, and the next tick sends one frame with this identifier, which reads so. */
+static void answers(uint32_t id, const char *bytes, uint32_t answer, const char *told)
 {
-    bench_stop(&bench.base);
-    arena_fini(&bench.protocols);
+    bench_say(base, 0, id, bytes);
+    bench_expect(base, 0, answer, told);
 }
 
 static const char cheetah[] = HIL_SOURCE_DIR "/config/protocols/mini-cheetah.yaml";
@@ -143,29 +145,21 @@ TEST(an_answer_takes_the_time_of_its_request_else_of_its_file)
         assert_true(delay_ns >= 500000 && delay_ns <= 600000);
         bench_tick(base);
     }
-    close_bench();
 }
 
 TEST(a_cheetah_drive_answers_the_frames_that_switch_it)
 {
     open_bench(cheetah, 0);
     assert_false(base->motor[0].bridge_on);
-    bench_send(base, 0, 1, "ff ff ff ff ff ff ff fc");
-    bench_tick(base);
-    bench_expect(base, 0, 0, "01 85 1e 80 08 00"); /* 0.5 rad, at rest, no torque */
+    answers(1, "ff ff ff ff ff ff ff fc", 0, "01 85 1e 80 08 00"); /* 0.5 rad, at rest, no torque */
     assert_true(base->motor[0].bridge_on);
     assert_false(base->motor[2].bridge_on);
 
     /* Position 0 from here on */
-    bench_send(base, 0, 1, "ff ff ff ff ff ff ff fe");
-    bench_tick(base);
-    bench_expect(base, 0, 0, "01 80 00 80 08 00");
+    answers(1, "ff ff ff ff ff ff ff fe", 0, "01 80 00 80 08 00");
 
-    bench_send(base, 0, 1, "ff ff ff ff ff ff ff fd");
-    bench_tick(base);
-    bench_expect(base, 0, 0, "01 80 00 80 08 00");
+    answers(1, "ff ff ff ff ff ff ff fd", 0, "01 80 00 80 08 00");
     assert_false(base->motor[0].bridge_on);
-    close_bench();
 }
 
 /* The law wants no other current just where the current makes its torque. */
@@ -179,13 +173,10 @@ TEST(a_cheetah_drive_has_the_impedance_of_its_command)
     bench_send(base, 0, 1, "ff ff ff ff ff ff ff fc");
     base->sense[0].current_a = torque / TORQUE_NM_A;
     bench_tick(base);
-    bench_send(base, 0, 1, command);
-    bench_tick(base);
-    bench_expect(base, 0, 0, "01 85 1e 80 09 55"); /* the torque of the current */
+    answers(1, command, 0, "01 85 1e 80 09 55"); /* the torque of the current */
     assert_near(bench_lacking_a(base, 0), 0.0, 1e-6);
 
     /* Damping brakes a motor that moves: 12.01 Nm s/rad at 1 rad/s in a running mean */
-    close_bench();
 }
 
 /* The law is satisfied by the current that makes its torque: of a spring to 3 rad, beyond the
@@ -209,10 +200,8 @@ TEST(a_spring_ignores_the_limits_of_the_joint)
         base->sense[0].current_a = rows[i].torque_nm / TORQUE_NM_A;
         bench_tick(base);
         bench_send(base, 0, 1, "ff ff ff ff ff ff ff fc");
-        bench_send(base, 0, 1, rows[i].command);
-        bench_tick(base);
+        bench_say(base, 0, 1, rows[i].command);
         assert_near(bench_lacking_a(base, 0), 0.0, 1e-3);
-        close_bench();
     }
 }
 
@@ -226,10 +215,7 @@ TEST(the_present_firmware_tells_its_bus_voltage)
     base->sense[0].torque_nm = 3.0; /* what the spring has is not told */
     base->sensors.supply_v = 24.0;
     bench_tick(base);
-    bench_send(base, 0, 1, "ff ff ff ff ff ff ff fd");
-    bench_tick(base);
-    bench_expect(base, 0, 0, "01 85 1e 80 0b a4 99");
-    close_bench();
+    answers(1, "ff ff ff ff ff ff ff fd", 0, "01 85 1e 80 0b a4 99");
 }
 
 TEST(a_cheetah_drive_brakes_by_its_damping)
@@ -259,7 +245,6 @@ TEST(a_cheetah_drive_brakes_by_its_damping)
         bench_tick(base);
         assert_near(base->motor[0].voltage_v, before, 1e-3);
     }
-    close_bench();
 }
 
 TEST(a_frame_of_another_length_is_malformed)
@@ -272,7 +257,6 @@ TEST(a_frame_of_another_length_is_malformed)
     assert_int_equal(bench_counters(&bench.base).malformed, 1);
     assert_int_equal(bench_counters(&bench.base).foreign, 2);
     assert_false(bench.base.motor[0].bridge_on);
-    close_bench();
 }
 
 /* ---- ODrive ---- */
@@ -281,24 +265,17 @@ TEST(an_odrive_tells_its_state_when_it_changes)
 {
     open_bench(odrive, 0);
     bench_send(base, 0, 0x02b, "03 00 00 00 01 00 00 00");
-    bench_send(base, 0, 0x027, "08 00 00 00");
-    bench_tick(base);
-    bench_expect(base, 0, 0x021, "00 00 00 00 08 01 00 00"); /* busy */
+    answers(0x027, "08 00 00 00", 0x021, "00 00 00 00 08 01 00 00"); /* busy */
     assert_int_equal(bench_sent(base, 0, 0x041), 0);
     assert_true(base->motor[0].bridge_on);
 
     /* A state that it does not have leaves it alone */
-    bench_send(base, 0, 0x027, "0b 00 00 00");
-    bench_tick(base);
-    bench_expect(base, 0, 0x021, "00 00 00 00 08 0c 00 00");
+    answers(0x027, "0b 00 00 00", 0x021, "00 00 00 00 08 0c 00 00");
     assert_true(base->motor[0].bridge_on);
 
     /* IDLE by the host is no error */
-    bench_send(base, 0, 0x027, "01 00 00 00");
-    bench_tick(base);
-    bench_expect(base, 0, 0x021, "00 00 00 00 01 00 00 00");
+    answers(0x027, "01 00 00 00", 0x021, "00 00 00 00 01 00 00 00");
     assert_false(base->motor[0].bridge_on);
-    close_bench();
 }
 
 /* ESTOP_REQUESTED is bit 25, and stays through every state until CLEAR_ERRORS. */
@@ -317,33 +294,25 @@ TEST(an_odrive_that_was_stopped_arms_when_errors_are_cleared)
     bench_tick(base);
     bench_expect(base, 0, 0x023, "00 00 00 02 00 00 00 02");
 
-    bench_send(base, 0, 0x027, "08 00 00 00");
-    bench_tick(base);
+    bench_say(base, 0, 0x027, "08 00 00 00");
     assert_false(base->motor[0].bridge_on);
     bench_send(base, 0, 0x027, "01 00 00 00");
-    bench_send(base, 0, 0x027, "08 00 00 00");
-    bench_tick(base);
+    bench_say(base, 0, 0x027, "08 00 00 00");
     assert_false(base->motor[0].bridge_on);
 
     bench_send(base, 0, 0x038, "");
-    bench_send(base, 0, 0x027, "08 00 00 00");
-    bench_tick(base);
-    bench_expect(base, 0, 0x021, "00 00 00 00 08 01 00 00");
+    answers(0x027, "08 00 00 00", 0x021, "00 00 00 00 08 01 00 00");
     assert_true(base->motor[0].bridge_on);
     assert_false(boards_fault(base->boards));
 
     /* errors that are cleared in closed loop do not end it */
-    bench_send(base, 0, 0x038, "00");
-    bench_tick(base);
+    bench_say(base, 0, 0x038, "00");
     assert_true(base->motor[0].bridge_on);
 
     /* one that is stopped at rest does not arm either */
     bench_send(base, 0, 0x042, "00");
-    bench_send(base, 0, 0x047, "08 00 00 00");
-    bench_tick(base);
-    bench_expect(base, 0, 0x041, "00 00 00 02 01 03 00 00");
+    answers(0x047, "08 00 00 00", 0x041, "00 00 00 02 01 03 00 00");
     assert_int_equal(bench_counters(base).malformed, 0);
-    close_bench();
 }
 
 /* Asks for a frame and checks it. */
@@ -381,7 +350,6 @@ TEST(an_odrive_tells_versions_errors_and_powers)
     bench_tick(base);
     ask_odrive(0x034, "00 00 00 00 00 00 00 40");
     ask_odrive(0x03c, "00 00 00 00 9e ef a7 3d");
-    close_bench();
 }
 
 /* A new drive sends heartbeat and estimates; one configured for ros_odrive what that waits for. */
@@ -409,7 +377,6 @@ TEST(an_odrive_sends_by_itself_what_it_was_configured_for)
         for (size_t i = 0; i < 0x20; i++) {
             assert_int_equal(sent[i], 0); /* ros_odrive warns of others */
         }
-        close_bench();
     }
 }
 
@@ -444,7 +411,6 @@ TEST(an_odrive_answers_requests_for_any_state_with_a_result)
         bench_tick(base);
         bench_expect(base, 0, 0x021, cases[i].later ? cases[i].later : cases[i].told);
         assert_int_equal(bench_counters(base).malformed, 0);
-        close_bench();
     }
 }
 
@@ -454,56 +420,39 @@ TEST(defaults_in_replies_are_those_of_a_drive)
     open_bench(odrive, 0);
     base->sense[0].winding_c = PLANT_AMBIENT_C;
     bench_tick(base);
-    ask_odrive(0x035, "00 00 c8 41 00 00 c8 41"); /* bridge and winding */
-    bench_send(base, 0, 0x024, "00 84 01 00");
-    bench_tick(base);
-    bench_expect(base, 0, 0x025, "00 84 01 00 00 00 80 7f"); /* vel_limit */
-    bench_send(base, 0, 0x02f, "00 00 80 3f 00 00 48 41");   /* 12.5 A, above the drive's 12 A */
-    bench_send(base, 0, 0x024, "00 0f 01 00");
-    bench_tick(base);
-    bench_expect(base, 0, 0x025, "00 0f 01 00 00 00 48 41"); /* current_soft_max */
+    ask_odrive(0x035, "00 00 c8 41 00 00 c8 41");                    /* bridge and winding */
+    answers(0x024, "00 84 01 00", 0x025, "00 84 01 00 00 00 80 7f"); /* vel_limit */
+    bench_send(base, 0, 0x02f, "00 00 80 3f 00 00 48 41"); /* 12.5 A, above the drive's 12 A */
+    answers(0x024, "00 0f 01 00", 0x025, "00 0f 01 00 00 00 48 41"); /* current_soft_max */
     base->sense[0].winding_c = 61.0;
     bench_tick(base);
     ask_odrive(0x035, "00 00 c8 41 00 00 74 42");
-    close_bench();
 }
 
 /* Endpoint 384 is pos_gain, 1 vbus_voltage. */
 TEST(an_odrive_has_endpoints)
 {
     open_bench(odrive, 0);
-    bench_send(base, 0, 0x024, "00 01 00 00");
-    bench_tick(base);
-    bench_expect(base, 0, 0x025, "00 01 00 00 00 00 40 42");
-    bench_send(base, 0, 0x024, "00 80 01 00 00 00 00 00");
-    bench_tick(base);
-    bench_expect(base, 0, 0x025, "00 80 01 00 00 00 a0 41"); /* 20 */
-    bench_send(base, 0, 0x024, "01 80 01 00 00 00 20 41");   /* 10; a write is not answered */
+    answers(0x024, "00 01 00 00", 0x025, "00 01 00 00 00 00 40 42");
+    answers(0x024, "00 80 01 00 00 00 00 00", 0x025, "00 80 01 00 00 00 a0 41"); /* 20 */
+    bench_send(base, 0, 0x024, "01 80 01 00 00 00 20 41"); /* 10; a write is not answered */
     bench_tick(base);
     assert_int_equal(bench_sent(base, 0, 0x025), 0);
     bench_send(base, 0, 0x024, "01 80 01 00 00 00 80 7f"); /* infinity: not taken */
-    bench_send(base, 0, 0x024, "00 80 01 00");
-    bench_tick(base);
-    bench_expect(base, 0, 0x025, "00 80 01 00 00 00 20 41");
+    answers(0x024, "00 80 01 00", 0x025, "00 80 01 00 00 00 20 41");
     bench_send(base, 0, 0x03a, "00 00 a0 40 00 00 00 00"); /* Set_Pos_Gain 5, of eight bytes */
-    bench_send(base, 0, 0x024, "00 80 01 00");
-    bench_tick(base);
-    bench_expect(base, 0, 0x025, "00 80 01 00 00 00 a0 40");
+    answers(0x024, "00 80 01 00", 0x025, "00 80 01 00 00 00 a0 40");
 
     /* none such, and one that is only read */
     bench_send(base, 0, 0x024, "00 ff ff 00");
-    bench_send(base, 0, 0x024, "01 01 00 00 00 00 00 00");
-    bench_tick(base);
+    bench_say(base, 0, 0x024, "01 01 00 00 00 00 00 00");
     assert_int_equal(bench_sent(base, 0, 0x025), 0);
     assert_int_equal(bench_counters(base).malformed, 2);
 
     /* REBOOT forgets it */
     bench_send(base, 0, 0x036, "00");
     bench_ticks(base, 3);
-    bench_send(base, 0, 0x024, "00 80 01 00");
-    bench_tick(base);
-    bench_expect(base, 0, 0x025, "00 80 01 00 00 00 a0 41");
-    close_bench();
+    answers(0x024, "00 80 01 00", 0x025, "00 80 01 00 00 00 a0 41");
 }
 
 TEST(an_odrive_heeds_limits_and_where_it_is_said_to_be)
@@ -523,7 +472,6 @@ TEST(an_odrive_heeds_limits_and_where_it_is_said_to_be)
     bench_ticks(base, 2);
     ask_odrive(0x029, "00 00 20 41 00 00 00 00");
     assert_int_equal(bench_counters(base).malformed, 0);
-    close_bench();
 }
 
 TEST(an_odrive_answers_remote_frames)
@@ -536,7 +484,6 @@ TEST(an_odrive_answers_remote_frames)
     bench_expect(base, 0, 0x037, "00 00 40 42 00 00 00 00"); /* 48 V */
     bench_ticks(base, 9);
     bench_expect(base, 0, 0x029, "dd a5 fe 40 00 00 00 00"); /* 7.957747 turns */
-    close_bench();
 }
 
 TEST(an_odrive_holds_its_position_in_counts_of_turns)
@@ -550,7 +497,6 @@ TEST(an_odrive_holds_its_position_in_counts_of_turns)
     bench_send(base, 0, 0x02c, "00 00 00 41 00 00 00 00"); /* 8 turns: 0.50265 rad */
     bench_ticks(base, 3);
     assert_true(bench_lacking_a(base, 0) > 0.01);
-    close_bench();
 }
 
 TEST(a_watchdog_disarms_until_errors_are_cleared)
@@ -559,7 +505,6 @@ TEST(a_watchdog_disarms_until_errors_are_cleared)
     bench_send(base, 0, 0x027, "08 00 00 00");
     bench_ticks(base, 20);
     assert_true(base->motor[0].bridge_on);
-    close_bench();
 
     open_bench(watched, 0);
     bench_send(base, 0, 0x027, "08 00 00 00");
@@ -568,25 +513,19 @@ TEST(a_watchdog_disarms_until_errors_are_cleared)
     bench_ticks(base, 4);
     assert_false(base->motor[0].bridge_on);
     assert_int_equal(bench_counters(base).timeouts, 1);
-    bench_send(base, 0, 0x027, "08 00 00 00");
-    bench_tick(base);
+    bench_say(base, 0, 0x027, "08 00 00 00");
     assert_false(base->motor[0].bridge_on);
 
     /* The heartbeat has said so, until CLEAR_ERRORS */
-    bench_send(base, 0, 0x038, "00");
-    bench_tick(base);
-    bench_expect(base, 0, 0x021, "00 00 00 00 01 00 00 00");
-    bench_send(base, 0, 0x027, "08 00 00 00");
-    bench_tick(base);
+    answers(0x038, "00", 0x021, "00 00 00 00 01 00 00 00");
+    bench_say(base, 0, 0x027, "08 00 00 00");
     assert_true(base->motor[0].bridge_on);
-    close_bench();
 }
 
 TEST(a_fault_opens_the_bridge_and_its_bit_is_told)
 {
     open_bench(odrive, 0);
-    bench_send(base, 0, 0x027, "08 00 00 00");
-    bench_tick(base);
+    bench_say(base, 0, 0x027, "08 00 00 00");
     base->sensors.supply_v = 20.0;
     bench_ticks(base, 2);
     assert_false(base->motor[0].bridge_on);
@@ -595,7 +534,6 @@ TEST(a_fault_opens_the_bridge_and_its_bit_is_told)
     bench_send(base, 0, 0x038, "00");
     bench_ticks(base, 3);
     assert_false(boards_fault(base->boards));
-    close_bench();
 }
 
 /* ---- servo valves ---- */
@@ -630,11 +568,9 @@ TEST(a_valve_tells_its_pressures_and_takes_speeds_as_voltages)
 
     /* 0.1 rad ahead at 12/s and 0.36 V s/rad */
     bench_send(base, 0, 0x020, "02 01 00 00 00");
-    bench_send(base, 0, 0x040, "70 17");
-    bench_tick(base);
+    bench_say(base, 0, 0x040, "70 17");
     assert_true(base->motor[0].bridge_on);
     assert_near(base->motor[0].voltage_v, 12.0 * 0.1 * 0.36, 1e-4);
-    close_bench();
 }
 
 /* A supply below half or above 1.25 times the nominal pressure closes the valves of the axes that
@@ -684,7 +620,6 @@ TEST(a_lost_oil_pressure_closes_the_valve)
     base->sensors.oil_pa = 0.0;
     bench_ticks(base, 2);
     assert_true(base->motor[2].bridge_on);
-    close_bench();
 }
 
 TEST(a_valve_refuses_laws_of_current)
@@ -696,16 +631,13 @@ TEST(a_valve_refuses_laws_of_current)
     base->board[0].axis[0].valve = true;
     bench_start(base);
     bench_tick(base);
-    bench_send(base, 0, 0x020, "02 03 00 00 00");
-    bench_tick(base);
+    bench_say(base, 0, 0x020, "02 03 00 00 00");
     assert_false(base->motor[0].bridge_on);
     assert_true(base->motor[2].bridge_on);
     assert_int_equal(bench_counters(base).malformed, 1);
-    bench_send(base, 0, 0x020, "01 03 00 00 00");
-    bench_tick(base);
+    bench_say(base, 0, 0x020, "01 03 00 00 00");
     assert_true(base->motor[0].bridge_on);
     assert_int_equal(bench_counters(base).malformed, 1);
-    close_bench();
 }
 
 /* ---- RobStride: fields in identifiers of 29 bits ---- */
@@ -749,7 +681,6 @@ TEST(a_robstride_drive_answers_as_one_that_was_recorded)
     /* The same number with 11 bits is nobody's */
     bench_send(base, 0, 0x10a, "00 00 00 00 00 00 00 00");
     assert_int_equal(bench_counters(base).foreign, 1);
-    close_bench();
 }
 
 /* A host other than RobStride's gets its answers, and values by their number. A number that no
@@ -776,7 +707,6 @@ TEST(a_robstride_drive_answers_the_host_that_asks)
         assert_int_equal(base->frame[0][0].id, cases[i].answer);
     }
     assert_int_equal(bench_counters(base).malformed + bench_counters(base).foreign, 0);
-    close_bench();
 }
 
 /* 0.7 rad, 0 rad/s, 100 Nm/rad, 0 Nm s/rad in the data, 5 Nm in the identifier: counts 34593,
@@ -805,7 +735,6 @@ TEST(a_robstride_drive_takes_its_torque_from_the_identifier)
     bench_tick(base);
     expect_as(0x020101fd, FRAME_EXTENDED, "85 17 80 00 80 00 00 00");
     assert_false(base->motor[0].bridge_on);
-    close_bench();
 }
 /* ---- drives whose registers a host writes ---- */
 
@@ -850,7 +779,6 @@ static void play(const char *file, const struct exchange *exchange, size_t count
         }
     }
     assert_int_equal(bench_counters(base).foreign, 0);
-    close_bench();
 }
 
 /* Recorded from a drive at rest near its zero, 25 degree C at the bridges and 21 at the rotor. */
@@ -862,10 +790,7 @@ TEST(a_damiao_drive_answers_as_one_that_was_recorded)
     base->sense[0].winding_c = 21.0;
     bench_start(base);
     bench_ticks(base, 2);
-    bench_send(base, 0, 0x001, "ff ff ff ff ff ff ff fc");
-    bench_tick(base);
-    bench_expect(base, 0, 0x011, "11 7f f4 80 08 00 19 15");
-    close_bench();
+    answers(0x001, "ff ff ff ff ff ff ff fc", 0x011, "11 7f f4 80 08 00 19 15");
 }
 
 /* All drives hear identifier 0x7ff. An unknown register is malformed for the addressed drive. */
@@ -873,14 +798,11 @@ TEST(an_unknown_register_of_another_drive_is_foreign)
 {
     open_bench(damiao, 0);
     bench_tick(base);
-    bench_send(base, 0, 0x7ff, "09 00 33 c8 00 00 00 00");
-    bench_tick(base);
+    bench_say(base, 0, 0x7ff, "09 00 33 c8 00 00 00 00");
     assert_int_equal(bench_counters(base).malformed, 0);
     assert_int_equal(bench_counters(base).foreign, 1);
-    bench_send(base, 0, 0x7ff, "01 00 33 c8 00 00 00 00");
-    bench_tick(base);
+    bench_say(base, 0, 0x7ff, "01 00 33 c8 00 00 00 00");
     assert_int_equal(bench_counters(base).malformed, 1);
-    close_bench();
 }
 
 /* At 0.5 rad, count 34078 of 65535 over 25 rad; over 50 rad 33423. Floats by IEEE 754. */
@@ -1018,15 +940,10 @@ TEST(a_drive_reports_and_takes_torques_by_the_gains_of_the_rig)
     base->sense[0].current_a = 2.0;
     base->sense[0].winding_c = PLANT_AMBIENT_C;
     bench_ticks(base, 2);
-    bench_send(base, 0, 1, "ff ff ff ff ff ff ff fd");
-    bench_tick(base);
-    bench_expect(base, 0, 0, "01 85 1e 80 08 a0 19 00");
-    bench_send(base, 0, 1, "ff ff ff ff ff ff ff fc");
-    bench_tick(base);
-    bench_send(base, 0, 1, "80 00 80 00 00 00 08 81");
-    bench_tick(base);
+    answers(1, "ff ff ff ff ff ff ff fd", 0, "01 85 1e 80 08 a0 19 00");
+    bench_say(base, 0, 1, "ff ff ff ff ff ff ff fc");
+    bench_say(base, 0, 1, "80 00 80 00 00 00 08 81");
     assert_near(bench_lacking_a(base, 0), 0.0, 0.02);
-    close_bench();
 }
 
 /* The integral of the velocity loop ends at the current limit, whatever the gain of the torque. */
@@ -1051,7 +968,6 @@ TEST(the_integral_of_a_velocity_loop_reaches_the_current_limit)
         law = &base->command.motor[0].law;
         assert_true(law->on && law->damping_a_s_rad == 0.0);
         assert_near(law->current_a, base->board[0].axis[0].current_limit_a, 1e-9);
-        close_bench();
     }
 }
 
@@ -1167,7 +1083,6 @@ TEST(a_fault_is_told_as_the_makers_drive_tells_it)
             bench_tick(base);
         } while (base->count[0] == 0 && ms++ < 700);
         expect_as(row->id, extended ? FRAME_EXTENDED : 0, row->told);
-        close_bench();
     }
 }
 
@@ -1187,7 +1102,6 @@ TEST(a_board_counts_and_signs_its_frames)
         assert_int_equal(bench.base.frame[0][1].data[1], i % 4);
         bench_tick(&bench.base);
     }
-    close_bench();
 }
 
 TEST(a_wrong_checksum_or_a_stuck_counter_is_malformed)
@@ -1196,35 +1110,29 @@ TEST(a_wrong_checksum_or_a_stuck_counter_is_malformed)
     char text[256];
 
     open_bench(checked, 0);
-    bench_send(base, 0, 0x201, "3b 10 f4 01");
-    bench_tick(base);
+    bench_say(base, 0, 0x201, "3b 10 f4 01");
     assert_near(base->motor[0].voltage_v, 5.0, 1e-9);
 
     /* 7 V with the checksum of 5 V, then right but with the counter of before, then lawful */
-    bench_send(base, 0, 0x201, "b4 11 bc 02");
-    bench_tick(base);
+    bench_say(base, 0, 0x201, "b4 11 bc 02");
     assert_near(base->motor[0].voltage_v, 5.0, 1e-9);
     assert_int_equal(bench_counters(base).malformed, 1);
     assert_true(bench_event(base, BOARD_EVENT_MALFORMED, &event));
     assert_int_equal(event.a, 0x201);
-    bench_send(base, 0, 0x201, "ac 10 bc 02");
-    bench_tick(base);
+    bench_say(base, 0, 0x201, "ac 10 bc 02");
     assert_near(base->motor[0].voltage_v, 5.0, 1e-9);
     assert_int_equal(bench_counters(base).malformed, 2);
     assert_true(boards_last_malformed(base->boards, &event));
     board_event_format(base->boards, &event, text, sizeof text);
     assert_non_null(strstr(text, "frame SET (id 0x201): counter alive is 0 again, expected 1"));
-    bench_send(base, 0, 0x201, "20 13 bc 02");
-    bench_tick(base);
+    bench_say(base, 0, 0x201, "20 13 bc 02");
     assert_near(base->motor[0].voltage_v, 7.0, 1e-9);
     assert_int_equal(bench_counters(base).malformed, 2);
 
     /* The other board has heard nothing yet: any count will do */
-    bench_send(base, 0, 0x202, "20 13 bc 02");
-    bench_tick(base);
+    bench_say(base, 0, 0x202, "20 13 bc 02");
     assert_near(base->motor[2].voltage_v, 7.0, 1e-9);
     assert_int_equal(bench_counters(base).malformed, 2);
-    close_bench();
 }
 
 /* The log names frame, field, found and expected value, and states as the file does. */
@@ -1254,11 +1162,9 @@ TEST(the_log_speaks_in_the_names_of_the_file)
         char text[256], again[256];
 
         open_bench(cases[i].file, 0);
-        bench_send(base, 0, cases[i].id, cases[i].bytes);
-        bench_tick(base);
+        bench_say(base, 0, cases[i].id, cases[i].bytes);
         if (!cases[i].text) {
             assert_false(boards_last_malformed(base->boards, &last));
-            close_bench();
             continue;
         }
         assert_true(boards_next_event(base->boards, &event));
@@ -1269,7 +1175,6 @@ TEST(the_log_speaks_in_the_names_of_the_file)
             board_event_format(base->boards, &last, again, sizeof again);
             assert_string_equal(again, text);
         }
-        close_bench();
     }
 }
 
@@ -1281,13 +1186,11 @@ TEST(a_wrong_frame_for_no_board_leaves_no_trace)
 
     open_bench(checked, 0);
     bench_send(base, 0, 0x20f, "3b 10 f4");
-    bench_send(base, 0, 0x201, "3b 10 f4 01");
-    bench_tick(base);
+    bench_say(base, 0, 0x201, "3b 10 f4 01");
     assert_true(boards_next_event(base->boards, &event));
     board_event_format(base->boards, &event, text, sizeof text);
     assert_non_null(strstr(text, "axis 0 from idle to run"));
     assert_int_equal(event.why, 0);
-    close_bench();
 }
 
 /* What is wrong in one part of it, a state or a constant, stops no other drive. */
@@ -1308,8 +1211,7 @@ TEST(each_drive_judges_its_part_of_a_frame_for_all)
 
     open_bench(checked, 0);
     for (size_t i = 0; i < sizeof sent / sizeof *sent; i++) {
-        bench_send(base, 0, 0x400, sent[i].bytes);
-        bench_tick(base);
+        bench_say(base, 0, 0x400, sent[i].bytes);
         for (int k = 0; k < DRIVES; k++) {
             assert_near(base->motor[2 * k].voltage_v, sent[i].voltage_v[k], 1e-9);
         }
@@ -1321,5 +1223,4 @@ TEST(each_drive_judges_its_part_of_a_frame_for_all)
             assert_int_equal(event.board, sent[i].drive);
         }
     }
-    close_bench();
 }

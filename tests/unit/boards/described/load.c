@@ -6,8 +6,6 @@
 
 #include "tests/unit/schema_limits.h"
 
-#include <float.h>
-
 #define HEAD                                                                                       \
     "name: toy\nstates:\n  - {name: idle, law: \"off\"}\n  - {name: run, value: 1, law: "          \
     "voltage}\n"

@@ -237,7 +237,7 @@ TEST_ON(open_loop_holds_the_current_at_its_peak, start, bench)
 
 TEST(floats_set_the_same_gains_as_integers)
 {
-    struct board_bench a, b;
+    struct board_bench a CLOSED_BY(bench_stop), b CLOSED_BY(bench_stop);
 
     start(&a);
     start(&b);
@@ -252,8 +252,6 @@ TEST(floats_set_the_same_gains_as_integers)
         assert_true(fabs(a.motor[0].voltage_v) > 0.1);
         assert_near(a.motor[0].voltage_v, b.motor[0].voltage_v, 0.001 * SUPPLY_V + 1e-9);
     }
-    bench_stop(&a);
-    bench_stop(&b);
 }
 
 /* Answers by the layouts of embot_prot_can_motor_polling (robotology/icub-firmware). Rows without a

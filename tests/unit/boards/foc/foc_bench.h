@@ -32,8 +32,7 @@ static inline void make_idle(struct board_bench *bench, uint32_t id)
     bench_send(bench, 0, id, "5B 01 06");
     bench_send(bench, 0, id, "77 01 00 10 00 00 0E");
     bench_send(bench, 0, id, "48 00 A0 0F 40 1F 20 4E");
-    bench_send(bench, 0, id, "65 92 00 E3 00 00 00 0F");
-    bench_tick(bench);
+    bench_say(bench, 0, id, "65 92 00 E3 00 00 00 0F");
 }
 
 static inline void start(struct board_bench *bench)
@@ -52,8 +51,7 @@ static inline void enter(struct board_bench *bench, const char *mode)
 /* The host's period: targets, then a tick. */
 static inline void target(struct board_bench *bench, const char *hex)
 {
-    bench_send(bench, 0, 0x10f, hex);
-    bench_tick(bench);
+    bench_say(bench, 0, 0x10f, hex);
 }
 
 BENCH(start, struct board_bench, bench_stop)

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The module of the 2FOC protocol: whom its fields are about, in which units, and its load. */
-#include "boards/messages.h"
 #include "tests/unit/boards/foc/foc_bench.h"
 
 struct search {

@@ -5,7 +5,6 @@
 #define TESTS_UNIT_BOARDS_ICUB_MOTOR_BENCH_H
 
 #include "tests/unit/boards/board_bench.h"
-#include "tests/test.h"
 
 #define POLICY_7F "49 7F 00 00 00"
 
@@ -13,8 +12,7 @@ static inline uint8_t mode_of(struct board_bench *bench)
 {
     const struct bus_frame *reply;
 
-    bench_send(bench, 0, 0x001, "07");
-    bench_tick(bench);
+    bench_say(bench, 0, 0x001, "07");
     reply = bench_find(bench, 0, 0x010);
     assert_non_null(reply);
     return reply->data[1];

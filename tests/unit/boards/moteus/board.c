@@ -3,7 +3,6 @@
  * "Register Reference" of github.com/mjbots/moteus (firmware 1.1.0): subframes, scales,
  * modes, watchdog, faults, paths. */
 #include "base/array.h"
-#include "boards/protocol_list.h"
 #include "tests/unit/boards/board_bench.h"
 
 #define OHM 0.8

@@ -4,7 +4,6 @@
 #include "tests/unit/boards/sensing/sensing_bench.h"
 
 #include "base/vec3.h"
-#include "tests/test.h"
 
 static const double pi = 3.14159265358979323846, g = 9.81;
 

@@ -2,7 +2,6 @@
 /* Dynamic errors of a channel: low pass, hysteresis, instability, temperature, sampling instants,
  * each against its closed form. */
 #include "tests/unit/boards/sensing/sensing_bench.h"
-#include "tests/test.h"
 
 static struct error error;
 

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Windings that heat: what the boards tell of their temperature and when they stop. */
 #include "boards/sensing/sensing.h"
-#include "boards/protocol_list.h"
 #include "tests/protocol_file.h"
 #include "tests/unit/boards/board_bench.h"
 
@@ -102,7 +101,7 @@ TEST_ON(the_trip_comes_when_the_winding_s_law_says, set_up, bench)
     struct plant_sensors truth;
     struct motor_sense true_sense[BENCH_JOINTS] = {{.current_a = current_a}};
     struct sensing *sensing;
-    struct arena arena;
+    struct arena arena CLOSED_BY(arena_fini);
     struct error error;
     int ms = 0;
 
@@ -119,7 +118,6 @@ TEST_ON(the_trip_comes_when_the_winding_s_law_says, set_up, bench)
         truth.time_ns += config.tick_ns;
     } while (bench->motor[0].bridge_on && ms++ < 1000);
     assert_near(ms * 1e-3, expected_s, 0.002);
-    arena_fini(&arena);
 }
 
 /* ---- the other protocols ---- */

@@ -2,7 +2,6 @@
 /* Sensors as real ones: each error against its statistics or its closed form, each fault against
  * what it says, and nothing at all where nothing was asked for. */
 #include "tests/unit/boards/sensing/sensing_bench.h"
-#include "tests/test.h"
 
 static struct error error;
 

@@ -10,7 +10,6 @@
 
 #include "canbus/frame.h"
 
-#include <stddef.h>
 #include <string.h>
 
 struct reference {

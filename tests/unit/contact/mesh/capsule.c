@@ -4,7 +4,6 @@
 
 #include "tests/physics/near.h"
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 TEST(encloses_what_the_capsule_does)
 {
@@ -52,13 +51,12 @@ TEST(cylinder_has_the_volume_of_the_round_one)
 
 TEST(reports_an_arena_that_is_used_up)
 {
-    struct arena small;
+    struct arena small CLOSED_BY(arena_fini);
     const struct mesh *mesh;
     struct error error;
 
     assert_ok(arena_init(&small, 4096, &error));
     assert_int_equal(mesh_capsule(1, 1, false, &small, &mesh, &error), ERROR_MEMORY);
-    arena_fini(&small);
 }
 
 TEST_GROUP(open_arena, close_arena)

@@ -3,7 +3,6 @@
 #include "contact/mesh/mesh.h"
 
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 /* By low vertex, high vertex, number. */
 static int compare(const struct half_edge *x, const struct half_edge *y)

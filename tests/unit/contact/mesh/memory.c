@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The OBJ reader when memory runs out: every allocation fails once, in turn. */
 #include "contact/mesh/solid_store.h"
-#include "tests/test.h"
+#include "tests/unit/arena_fixture.h"
 
 /* The linker sends the library's calls here (--wrap). */
 void *__real_malloc(size_t size);
@@ -33,14 +33,12 @@ void *__wrap_realloc(void *memory, size_t size)
     return fails() ? NULL : __real_realloc(memory, size);
 }
 
-TEST(every_allocation_that_fails_is_reported_and_nothing_leaks)
+TEST_WITH(every_allocation_that_fails_is_reported_and_nothing_leaks, open_arena, close_arena)
 {
     const char *path = HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj";
-    struct arena arena;
     enum error_code code = ERROR_MEMORY;
     int failures = 0;
 
-    assert_ok(arena_init(&arena, (size_t)1 << 20, NULL));
     while (code != ERROR_NONE) {
         const struct mesh *mesh = NULL;
         struct error error = {0};
@@ -58,5 +56,4 @@ TEST(every_allocation_that_fails_is_reported_and_nothing_leaks)
     }
     /* The file; vertices, faces and tags, the first two with places; five arrays of the check */
     assert_true(failures >= 1 + 5 + 5);
-    arena_fini(&arena);
 }

@@ -6,7 +6,6 @@
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/physics/near.h"
-#include "tests/test.h"
 
 static struct mesh_finding check(const struct mesh *mesh)
 {
@@ -101,14 +100,13 @@ TEST(every_box_face_lies_in_a_side_and_looks_outward)
 
 TEST(box_reports_an_arena_that_is_used_up)
 {
-    struct arena small;
+    struct arena small CLOSED_BY(arena_fini);
     const struct mesh *box = NULL;
     struct error error;
 
     assert_ok(arena_init(&small, 4096, NULL));
     assert_int_equal(mesh_box((double[3]){1, 1, 1}, 64, &small, &box, &error), ERROR_MEMORY);
     assert_null(box);
-    arena_fini(&small);
 }
 
 TEST(names_each_fault_of_a_surface_and_its_first_face)

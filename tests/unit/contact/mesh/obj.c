@@ -8,7 +8,6 @@
 #include "tests/unit/arena_fixture.h"
 #include "tests/physics/near.h"
 #include "tests/mesh_write.h"
-#include "tests/test.h"
 
 #define VERTICES "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
 #define FACES "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"

@@ -12,7 +12,6 @@
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/contact/random_number.h"
 #include "tests/physics/near.h"
-#include "tests/test.h"
 
 static struct solid make(const struct mesh *mesh)
 {

@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 static const struct mesh *make_box(double half)
 {

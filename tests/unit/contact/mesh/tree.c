@@ -4,7 +4,6 @@
 
 #include "tests/unit/arena_fixture.h"
 #include "tests/unit/contact/random_number.h"
-#include "tests/test.h"
 
 enum { COUNT = 500 };
 

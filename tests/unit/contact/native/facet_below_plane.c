@@ -210,7 +210,7 @@ TEST(a_sunk_facet_is_what_its_springs_add_up_to)
         struct facet_linear depth;
         double n[3], deepest, shallowest, height = 0.1;
         struct prism prism;
-        struct arena arena;
+        struct arena arena CLOSED_BY(arena_fini);
 
         assert_ok(arena_init(&arena, ARENA_BYTES, &(struct error){0}));
         make_prism(&prism, &arena, &seed);
@@ -226,7 +226,6 @@ TEST(a_sunk_facet_is_what_its_springs_add_up_to)
                                              &relative, &sum));
         add_springs(&prism, n, height, 1e7, &law, &relative, &wanted);
         assert_same_sums(&sum, &wanted);
-        arena_fini(&arena);
     }
 }
 
@@ -240,7 +239,7 @@ TEST(a_facet_of_which_a_part_leaves_fast_is_left_to_its_springs)
     double deepest, shallowest;
     struct facet_linear depth;
     struct prism prism;
-    struct arena arena;
+    struct arena arena CLOSED_BY(arena_fini);
     uint64_t seed = 7;
 
     assert_ok(arena_init(&arena, ARENA_BYTES, &(struct error){0}));
@@ -256,5 +255,4 @@ TEST(a_facet_of_which_a_part_leaves_fast_is_left_to_its_springs)
         &prism.solid, prism.sole, &depth, n, 1e7, &law,
         &(struct native_relative){.v = {0, 0, 1.25}, .w = {0, 1, 0}}, &sum));
     assert_true(sum.normal == 0);
-    arena_fini(&arena);
 }

@@ -4,9 +4,7 @@
 #include "tests/unit/model/coman.h"
 
 #include "model/dynamics.h"
-#include "model/robot.h"
 #include "model/spatial.h"
-#include "tests/test.h"
 
 #include <unistd.h>
 

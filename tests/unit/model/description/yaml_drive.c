@@ -8,7 +8,6 @@
 #include <sys/stat.h>
 
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 static char folder[] = "/tmp/hil-drives-XXXXXX";
 

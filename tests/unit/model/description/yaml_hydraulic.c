@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include "tests/unit/arena_fixture.h"
-#include "tests/test.h"
 
 #define LEG HIL_SOURCE_DIR "/config/robots/hyq-leg.yaml"
 

@@ -4,10 +4,8 @@
  * dynamics, and the added matrices are applied to the accelerations that kinematics says the bodies
  * have.
  */
-#include "model/dynamics.h"
 
 #include "model/spatial.h"
-#include "model/symbolic/symbolic.h"
 #include "tests/unit/model/random_robot.h"
 #include "tests/test.h"
 

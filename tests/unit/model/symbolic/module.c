@@ -4,11 +4,9 @@
  * algorithms of the robot at hand, in every variant, which all have the same bits; which robots
  * have a built-in module.
  */
-#include "base/instruction_set.h"
 #include "model/symbolic/symbolic.h"
 #include "tests/unit/model/coman.h"
 #include "tests/unit/model/symbolic/evaluate.h"
-#include "tests/test.h"
 
 #include <unistd.h>
 

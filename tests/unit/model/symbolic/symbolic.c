@@ -7,7 +7,6 @@
 #include "model/symbolic/symbolic.h"
 #include "tests/unit/model/coman.h"
 #include "tests/unit/model/symbolic/evaluate.h"
-#include "tests/test.h"
 
 enum { TREES = 120, STATES = 3, BODIES = RANDOM_JOINTS + 1, VELOCITIES = RANDOM_JOINTS + 6 };
 

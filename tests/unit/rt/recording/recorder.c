@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The recorder: what the loop gave is in the files, in order; full rings, full disks, and
  * directories that hold something already. */
+#include "base/whole_file.h"
 #include "rt/recording/recorder.h"
 
 #include "canbus/candump.h"
 #include "tests/test.h"
 
-#include <dirent.h>
 #include <fcntl.h>
 #include <pthread.h>
 #include <sys/resource.h>
@@ -42,17 +42,7 @@ static void set_up(struct fixture *f)
 
 static void tear_down(struct fixture *f)
 {
-    DIR *stream = opendir(f->directory);
-    const struct dirent *entry;
-
-    while (stream && (entry = readdir(stream))) {
-        char path[400];
-
-        snprintf(path, sizeof path, "%s/%s", f->directory, entry->d_name);
-        unlink(path);
-    }
-    closedir(stream);
-    rmdir(f->directory);
+    folder_remove(f->directory);
     arena_fini(&f->arena);
 }
 

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the recorder keeps beside frames and signals: events in the order of time, poses; the end of
  * an MCAP file. */
+#include "base/whole_file.h"
 #include "rt/recording/recorder.h"
 #include "tests/test.h"
 
-#include <dirent.h>
 #include <unistd.h>
 
 static struct error error;
@@ -40,17 +40,7 @@ static void set_up(struct fixture *f)
 
 static void tear_down(struct fixture *f)
 {
-    DIR *stream = opendir(f->directory);
-    const struct dirent *entry;
-
-    while (stream && (entry = readdir(stream))) {
-        char path[400];
-
-        snprintf(path, sizeof path, "%s/%s", f->directory, entry->d_name);
-        unlink(path);
-    }
-    closedir(stream);
-    rmdir(f->directory);
+    folder_remove(f->directory);
     arena_fini(&f->arena);
 }
 
