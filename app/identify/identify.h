@@ -189,9 +189,9 @@ struct bench_columns {
     struct yaml_mark mark;
     /* NULL = no such column; "*" stands for the name of the joint */
     const char *title[COLUMNS];
-    const char *gain_word;    /* the number after this word in the file's comments is the gain */
-    bool voltage_before;      /* a row's voltage was on before its time, as in "run --record" */
-    double command_at; /* share of the time to the next row at which a command comes into force */
+    const char *gain_word; /* the number after this word in the file's comments is the gain */
+    bool voltage_before;   /* a row's voltage was on before its time, as in "run --record" */
+    double command_at;     /* share of the time to the next row when a command comes into force */
     bool current_is_optional; /* a recording may lack the column of the current */
 };
 

@@ -210,9 +210,10 @@ static void command_joint(const struct rig *rig, const struct bench_law *law, st
         command->voltage_v = duty * supply;
         return;
     }
-    given = law->torque_kp > 0.0
-                ? run->loop.command
-                : r->voltage[r->voltage_before && run->row + 1 < r->count ? run->row + 1 : run->row];
+    given =
+        law->torque_kp > 0.0
+            ? run->loop.command
+            : r->voltage[r->voltage_before && run->row + 1 < r->count ? run->row + 1 : run->row];
     command->voltage_v = run->bench->command_gain * given;
     if (run->guide > 0.0) {
         command->voltage_v +=

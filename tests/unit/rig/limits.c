@@ -294,6 +294,7 @@ static const struct limit robot_limits[] = {
     {"*passive.rest_m", -1e9, 1e9},
     {"frames[].name", 1, 63},
     {"capsules[].name", 1, 63},
+    {"capsules[].half_extents_m", 1e-6, 1e3},
     {"visuals[].name", 1, 63},
     {"visuals[].half_extents_m", DBL_MIN, 1e3},
     {"visuals[].radius_m", DBL_MIN, 1e3},
@@ -312,6 +313,7 @@ static const struct limit robot_limits[] = {
     {"variants[].bodies[].mass_kg", 1e-15, 1e6},
     {"variants[].frames[].name", 1, 63},
     {"variants[].capsules[].name", 1, 63},
+    {"variants[].capsules[].half_extents_m", 1e-6, 1e3},
     {"variants[].ft_sensors[].name", 1, 63},
     {"variants[].ft_sensors[].distal.mass_kg", 0, 1e6},
 };

@@ -38,7 +38,7 @@ def the_answer_is_that_of_the_numeric_dynamics_to_the_last_bit():
     assert (status, said, len(out.split())) == (0, "", 29), said
     assert all(f"{float(word):.17g}" == word for word in out.split())
     found = hashlib.sha256(out.encode()).hexdigest()[:16]
-    assert found == "b78f71d10a4436e2", found
+    assert found == "1ddd0fb81ea7e5b8", found
 
 
 def each_line_is_answered_before_the_next_one_is_written():
