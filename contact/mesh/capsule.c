@@ -8,6 +8,8 @@
 
 #define PI 3.14159265358979323846
 
+enum { SIDES_MAX = 64 };
+
 /* Numbers of sides, and of rings per end, including the equator of its half-sphere. */
 struct rings {
     int sides, rings;
@@ -21,23 +23,27 @@ static void rings_place_vertices(const struct rings *r, double radius, double le
     /* Radius at which the polygon has the area of the circle */
     const double wide = radius * sqrt(2 * PI / (r->sides * portable_sin(2 * PI / r->sides)));
     const double tip = length / 2 + (r->rings > 1 ? wide : 0);
+    double around[SIDES_MAX][2];
 
     for (int i = 0; i < r->sides; i++) {
-        const double around[2] = {portable_cos(2 * PI * i / r->sides),
-                                  portable_sin(2 * PI * i / r->sides)};
+        around[i][0] = portable_cos(2 * PI * i / r->sides);
+        around[i][1] = portable_sin(2 * PI * i / r->sides);
+    }
 
-        /* Rings at equal angles from the equator of their end */
-        for (int ring = 0; ring < 2 * r->rings; ring++) {
-            int from_equator = ring < r->rings ? ring - (r->rings - 1) : ring - r->rings;
-            double angle = from_equator * PI / 2 / r->rings, out = wide * portable_cos(angle);
-            double *v = vertex[ring * r->sides + i];
+    /* Rings at equal angles from the equator of their end */
+    for (int ring = 0; ring < 2 * r->rings; ring++) {
+        int from_equator = ring < r->rings ? ring - (r->rings - 1) : ring - r->rings;
+        double angle = from_equator * PI / 2 / r->rings, out = wide * portable_cos(angle);
+        double z = wide * portable_sin(angle) + (ring < r->rings ? -length / 2 : length / 2);
 
-            v[0] = out * around[0];
-            v[1] = out * around[1];
-            v[2] = wide * portable_sin(angle) + (ring < r->rings ? -length / 2 : length / 2);
+        for (int i = 0; i < r->sides; i++) {
+            double *v = *vertex++;
+
+            v[0] = out * around[i][0];
+            v[1] = out * around[i][1];
+            v[2] = z;
         }
     }
-    vertex += 2 * r->rings * r->sides;
     for (int k = 0; k < 2; k++) {
         vertex[0][k] = vertex[1][k] = 0;
     }
@@ -76,7 +82,7 @@ static void rings_connect(const struct rings *r, int (*face)[3])
 enum error_code mesh_capsule(double radius, double length, bool flat, struct arena *arena,
                              const struct mesh **mesh, struct error *error)
 {
-    const struct rings r = flat ? (struct rings){64, 1} : (struct rings){16, 4};
+    const struct rings r = flat ? (struct rings){SIDES_MAX, 1} : (struct rings){16, 4};
     const size_t ring = (size_t)r.sides, rings = 2 * (size_t)r.rings;
     double(*vertex)[3];
     int(*face)[3];

@@ -145,7 +145,7 @@ void native_pair_find_force(const struct native_engine *e, const struct native_p
         .capsule = {{a->capsule.radius - pair->slack / 2, a->capsule.half, a->capsule.flat},
                     {b->shape == CONTACT_HALF_SPACE ? HUGE_VAL
                                                     : b->capsule.radius - pair->slack / 2,
-                     b->capsule.half}},
+                     b->capsule.half, b->capsule.flat}},
         .law = &pair->law,
         .relative = relative,
         .scratch = e->scratch,
