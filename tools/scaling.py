@@ -22,7 +22,7 @@ PAGE = ROOT / "docs" / "scaling.md"
 RIGS = ROOT / "config" / "rigs"
 SHORT, LONG = 100, 1100      # ticks
 ENOUGH_S = 0.6               # of CPU time in the longer run
-SQUAT = 15000                # ticks, less than a squat takes
+SQUAT, HOLD = 15000, 11000   # ticks, less than these tasks take
 ENOUGH_BYTES = 10000         # that a client has read when it counts as one
 sys.path.insert(0, str(ROOT / "tests" / "service"))
 os.environ.setdefault("HIL_BINARY_DIR", str(PROGRAM.parent))
@@ -274,9 +274,9 @@ def recordings(folder, how):
 JOINTS = (6, 12, 24, 48, 96, 120, 132)
 SERIES = {
     "limbs": lambda: table("joints, in limbs of 6", JOINTS,
-                           lambda f, n: cost(limbs(f, n, 6), "--task", "hold")),
+                           lambda f, n: cost(limbs(f, n, 6), "--task", "hold", most=HOLD)),
     "chain": lambda: table("joints, in one chain", JOINTS,
-                           lambda f, n: cost(limbs(f, n, n), "--task", "hold")),
+                           lambda f, n: cost(limbs(f, n, n), "--task", "hold", most=HOLD)),
     "contacts": lambda: table("spheres on the ground", (0, 1, 3, 10, 30, 100, 200),
                               lambda f, n: cost(spheres(f, n))),
     "triangles": lambda: table("triangles of the ground, in cells of 20 cm",
@@ -287,9 +287,9 @@ SERIES = {
                            lambda f, n: cost(terrain(f, 2 * (6 * n) ** 2, 1 / n), "--task",
                                              "squat", repeats=2, most=SQUAT)),
     "boards": lambda: table("motor boards on one bus", (1, 2, 4, 8, 16, 31, 32),
-                            lambda f, n: cost(benches(f, 1, n), "--task", "hold")),
+                            lambda f, n: cost(benches(f, 1, n), "--task", "hold", most=HOLD)),
     "buses": lambda: table("buses of two boards", (1, 2, 4, 8, 16, 32, 64),
-                           lambda f, n: cost(benches(f, n, 2), "--task", "hold")),
+                           lambda f, n: cost(benches(f, n, 2), "--task", "hold", most=HOLD)),
     "recording": lambda: table("recording", ("off", "csv, 10 ms", "csv, 1 ms", "mcap, 1 ms"),
                                recordings),
     "gateway": lambda: table("clients of the gateway", (0, 1, 4, 16, 64),
