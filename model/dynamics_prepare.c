@@ -114,9 +114,9 @@ static void add_group(struct generic *g, int parent)
     }
 }
 
-/* Puts body b into a free lane of the groups from `from` on. continues: only into the lane of its
- * parent, in a group that continues the parent's group. Returns false if there is none. *begun:
- * whether a group continues the parent's group. */
+/* Puts body b into a free lane of the groups from `from` on. With `continues`, only the lane of its
+ * parent counts, in a group that continues the parent's group. Returns false if no lane is free.
+ * Sets *begun if a group continues the parent's group. */
 static bool find_lane(struct generic *g, int parent, size_t b, size_t from, bool continues,
                       bool *begun)
 {

@@ -367,8 +367,8 @@ static void sweeps_forward(const struct dynamics *d, const double *q, const doub
 
 /* ---- responses ---- */
 
-/* Computes up to GROUP responses side by side, one per lane (struct dynamics_ops). Only the ways
- * from the torques to the base are walked inward, and outward only what they move. */
+/* Computes up to GROUP responses side by side, one per lane (struct dynamics_ops). Inward it visits
+ * only bodies between the torques and the base, outward only bodies that the torques move. */
 static void respond_side_by_side(const struct dynamics *d, int count, const double *tau,
                                  double *vdot)
 {

@@ -117,7 +117,7 @@ struct robot_effects {
     double diode;      /* voltage of each of the two diodes, V */
     double saturation; /* current at which Kt and Kw fall to 1/sqrt(2), A; 0 = never */
     double iron;       /* viscous drag of the motor's iron, N m s/rad per A^2 */
-    double skin;       /* resistance of the skin effect at 1 rad/s, by the root of the speed, ohm */
+    double skin;       /* resistance of the skin effect at 1 rad/s, ohm; grows as sqrt(speed) */
     double standby;    /* power of the drive's electronics, W */
 };
 

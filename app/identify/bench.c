@@ -319,7 +319,8 @@ static enum error_code check_recordings(const struct bench *bench, struct error 
     return ERROR_NONE;
 }
 
-/* Refuses a group, or with `file` a group or file, that no recording of the bench has. */
+/* Refuses the name of a group that no recording of the bench has. file: the name may also be that
+ * of a recording's file. */
 static enum error_code check_group(const struct bench *bench, const struct yaml_mark *mark,
                                    const char *group, bool file, struct error *error)
 {
@@ -673,8 +674,9 @@ static void skip_rows(struct recording *r, size_t rows)
     }
 }
 
-/* Names the recordings of the joints of a file. Those of a log get a common zero of time. Those of
- * a run begin with the first voltage or motion: until then a brake may hold the joints. */
+/* Names the recordings of a file's joints. Recordings of a log get a common zero of time.
+ * Recordings of a run begin with the first voltage or motion: until then a brake may hold the
+ * joints. */
 static enum error_code finish_recording(const struct identify_bench *bench, struct arena *arena,
                                         struct recording *r, struct error *error)
 {

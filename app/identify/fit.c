@@ -21,8 +21,9 @@
 #define NEAREST 0.98
 #define TOLERANCE 1e-4
 
-/* Feedback of measured positions in the first round of a fit to several joints, in largest commands
- * per rad. Without it, a joint that gravity turns over leads far guesses to local minima. */
+/* Gain from errors of the position to commands in the first round of a fit to several joints, in
+ * largest commands per rad. Without it, distant start values end in local minima where gravity
+ * turns a joint over. */
 #define GUIDE 10.0
 
 /* A Jacobian is updated while it predicts the change of the residuals up to this share (RMS). */
@@ -53,10 +54,10 @@ struct fit {
     double guide;      /* of all simulations */
     double level;      /* error of one independent measurement, which scales the priors */
     double weight[SIGNALS];
-    double *jacobian;             /* the last one, in column order; m rows */
-    double *last;                 /* residuals where it was computed or updated */
-    double at[IDENTIFY_FREE_MAX]; /* these variables */
-    bool known;                   /* the three are valid */
+    double *jacobian;             /* the latest Jacobian, in column order; m rows */
+    double *last;                 /* residuals at the variables `at` */
+    double at[IDENTIFY_FREE_MAX]; /* variables of the latest Jacobian */
+    bool known;                   /* jacobian, last and at are valid */
     /* Sets of variables that are simulated in parallel. A job is one recording with one set. */
     const double *u; /* nset sets of nfree variables */
     double *out;     /* nset sets of m residuals */

@@ -55,8 +55,8 @@ static enum error_code set_numbers(struct identify_bench *bench, struct error *e
     return ERROR_NONE;
 }
 
-/* Finds the joint that leads joint j's drive: with the same name of a drive in the bench, or with
- * the same numbers. */
+/* Finds the first joint that shares the drive of joint j. The bench gives both the same name of a
+ * drive, or else the robot's file gives both the same numbers. */
 static int find_drive(const struct identify_bench *bench, size_t k)
 {
     const struct trial_robot *trial = &bench->trial;
@@ -143,8 +143,8 @@ static enum error_code load_bench_drive(const char *path, struct arena *arena,
     return code;
 }
 
-/* Loads the rig and copies its robot. Refuses a robot without electric drives, on a floating base,
- * or on an output that is for a single joint. */
+/* Loads the rig and copies its robot. Refuses a robot without electric drives or on a floating
+ * base, and several joints with an output that is for a single joint. */
 static enum error_code load_bench_rig(const char *path, struct arena *arena,
                                       struct identify_bench *bench, struct error *error)
 {

@@ -97,8 +97,8 @@ struct bench_mount {
     double inertia_kg_m2, lock_nm_rad; /* lock_nm_rad 0 = rigid */
 };
 
-/* A copy of a robot whose drives can be changed. joint, effects and bench are of each joint of the
- * robot; at lists the njoint joints that are identified. */
+/* A copy of a robot whose drives can be changed. joint, effects and bench have an element per joint
+ * of the robot; at lists the njoint joints that are identified. */
 struct trial_robot {
     struct robot robot;
     struct robot_body body[TRIAL_JOINTS_MAX + 1];
@@ -110,14 +110,15 @@ struct trial_robot {
     /* by joint of the robot: the first joint with its drive, or -1 = not identified */
     int drive[TRIAL_JOINTS_MAX];
     struct bench_mount mount;
-    /* feedback of measured positions to the commands, in largest commands per rad; 0 = none */
+    /* gain from errors of the position to commands, largest commands per rad; 0 = none */
     double guide;
     struct group_number group[GROUP_NUMBERS_MAX + IDENTIFY_FREE_MAX];
     size_t ngroup;
 };
 
-/* Finds the parameters of a name: of the joint that it names, else one of each drive, or of each
- * joint for a parameter of the bench. ERROR_INPUT for an unknown key or joint. */
+/* Finds the parameters that a name selects. "JOINT.KEY" selects that of one joint. "KEY" selects
+ * one of each drive, or for a parameter of the bench one of each joint. ERROR_INPUT for an unknown
+ * key or joint. */
 enum error_code parameter_resolve(const struct trial_robot *trial, const char *name,
                                   int parameter[TRIAL_JOINTS_MAX], size_t *count,
                                   struct error *error);
@@ -234,7 +235,7 @@ struct bench_limit {
     int what;              /* enum limit_quantity */
     const char *of;        /* a group or a file of recordings; NULL = all that judge */
     double percent;        /* largest accepted error */
-    double wanted_percent; /* a better one that the drive does not yet reach; NAN = none */
+    double wanted_percent; /* wanted error, which may be missed; NAN = none */
 };
 
 /* A quantity of a steady state. */
@@ -331,7 +332,7 @@ struct bench {
  * time the measured losses, W. */
 struct recording {
     const char *file, *name, *group; /* name: of the file, without its folder */
-    size_t place;                    /* of its joint among the joints of the bench */
+    size_t place;                    /* index of its joint among the joints of the bench */
     bool judge, is_log;
     char sum[9];     /* CRC-32 of the file, hexadecimal */
     bool is_checked; /* the bench file gives this sum */
@@ -499,9 +500,10 @@ struct simulation_error simulation_compare(const double *measured, const double 
  *
  * Sweep: H is the cross spectrum of command and signal divided by the spectrum of the command, at
  * 1, 2, ... Hz. Both are sums over seconds that overlap by half, less their means and under a Hann
- * window: a second counts by the command's power in it, so noise beside the sweep does not. Bands
- * with less than a tenth of the power of the strongest do not count. gain is |H| of the lowest
- * band; bandwidth is the first frequency at which |H|, linear between bands, is gain / sqrt 2.
+ * window: the command's power in a second is the weight of the second, so noise outside the sweep
+ * has no weight. Bands with less than a tenth of the strongest band's power are left out. gain is
+ * |H| of the lowest band; bandwidth is the first frequency at which |H|, linear between bands, is
+ * gain / sqrt 2.
  */
 enum { RESPONSE_BANDS = 100 };
 struct response {

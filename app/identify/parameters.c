@@ -76,7 +76,8 @@ static const char *key_of(const char *name)
     return dot ? dot + 1 : name;
 }
 
-/* Returns whether a parameter is of the bench. Each joint has its own, also with a shared drive. */
+/* Returns whether a parameter belongs to the bench. Then each joint has its own value, also with a
+ * shared drive. */
 static bool is_of_bench(int index)
 {
     return parameters[index].offset >= AT(bench);

@@ -119,8 +119,8 @@ static double start_position(const struct recording *r)
     return count > 0 ? sum / (double)count : 0.0;
 }
 
-/* A host's loop about the torque of the spring: the torques of the last ticks, which exceed the
- * longest delay by the shortest tick, the torque that the host has, and its command. */
+/* State of a host's torque loop. torque: of the spring in the last ticks, as many as the longest
+ * delay has with the shortest tick. told: the torque that the host measures. */
 enum { TORQUES = 10002 };
 struct torque_loop {
     double torque[TORQUES], told, correction, command, period;
@@ -138,7 +138,7 @@ struct joint_run {
     double guide;             /* feedback of the measured position, unit of the command per rad */
     double lock_nm_rad;       /* stiffness of the load cell; 0 = the torque of the drive */
     double value[2][SIGNALS]; /* before and after the tick */
-    size_t row, begun, next;  /* of the command; of the next command; of the next time */
+    size_t row, begun, next;  /* row of the command, of the next command, of the next time */
 };
 
 /* Reads the signals of a joint from the plant's sensors. Returns false if they are not finite. */
@@ -158,7 +158,8 @@ static bool sense_signals(struct joint_run *run)
     return isfinite(sense->q);
 }
 
-/* Returns the time from which the command of a row holds. The first row is there from the start. */
+/* Returns the time at which the command of a row comes into force. The command of the first row is
+ * in force from the start. */
 static double command_time(const struct recording *r, size_t row)
 {
     const double next = r->time[row + 1 < r->count ? row + 1 : row];
@@ -185,8 +186,7 @@ static void run_torque_loop(const struct bench_law *law, const struct recording 
     loop->command = law->torque_feed_forward * r->voltage[row] + loop->correction;
 }
 
-/* Sets the command of a joint from a time on, in tick k. row is the last row at that time; the
- * position has the recording's zero. */
+/* Sets the command of a joint for tick k, which begins at `now`. */
 static void command_joint(const struct rig *rig, const struct bench_law *law, struct joint_run *run,
                           size_t k, double now)
 {

@@ -296,8 +296,8 @@ void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, const ch
         return; /* planes and height fields have no mass in MuJoCo */
     }
 
-    /* Read dimensions first, because mass and inertia depend on them. A shape that MuJoCo fits to a
-     * mesh is taken as the mesh, but does not weigh what the mesh does */
+    /* Read dimensions first, because mass and inertia depend on them. Where MuJoCo fits a shape to
+     * a mesh, take the mesh itself, without a mass */
     fitted = g.shape != IMPORT_MESH && mjcf_attribute(r, node, childclass, "mesh");
     if (fitted) {
         reader_note(r, IMPORT_SHAPED, node,

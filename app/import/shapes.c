@@ -18,8 +18,8 @@ enum {
     SECTORS = 12,    /* sectors about a wheel's axis, each of which must have rim */
 };
 
-/* Distances from the axis over the largest: smallest of a rim, and of the tread that gives the
- * width of a wheel. */
+/* Smallest distances from the axis, as shares of the largest: of points of the rim, and of points
+ * of the tread, whose width is the wheel's width. */
 #define RIM 0.95
 #define TREAD 0.9
 
@@ -120,9 +120,9 @@ static void capsule_hold_points(const double (*point)[3], size_t count, bool rol
     }
 }
 
-/* Fits a cylinder to the points of a wheel: what a continuous joint turns, if all sectors about the
- * joint's axis reach equally far, or if it is as wide as high about the axis, as a box that stands
- * for a wheel. Returns false for other shapes. */
+/* Fits a cylinder to the points of a wheel. A wheel is a shape that a continuous joint turns.
+ * Either all sectors about the joint's axis reach equally far, or the shape is as wide as high
+ * across the axis, as a box that stands for a wheel. Returns false for other shapes. */
 static bool cylinder_hold_wheel(const struct import_builder *b, const struct import_geometry *shape,
                                 const double (*point)[3], size_t count,
                                 struct robot_capsule *capsule)
@@ -369,7 +369,7 @@ double import_capsule_bottom(const struct robot_capsule *capsule, const struct b
     const struct body_motion *body = &bodies[capsule->body];
     double end[3], world[3], reach = capsule->radius, turn[9], bottom = INFINITY;
 
-    /* What a disc or a box reaches down; its vertical is the last row of the rotation */
+    /* How far a disc or a box reaches down. The last row of the rotation is the vertical */
     mat3_mul(body->R, capsule->rotation, turn);
     reach *= capsule->flat ? hypot(turn[6], turn[7]) : 1.0;
     for (int m = 0; m < 3 && capsule->radius == 0.0; m++) {

@@ -303,8 +303,8 @@ static void simplify_sum_inertias(struct simplifier *r)
 
 /* ---- the base ---- */
 
-/* Counts the limbs on the base that have two joints or more. wheels: counts those that are a
- * continuous joint and nothing else. */
+/* Counts the limbs on the base that have two joints or more. wheels: counts the limbs of one
+ * continuous joint instead. */
 static size_t robot_count_limbs(const struct import_robot *out, bool wheels)
 {
     const struct robot *robot = out->robot;

@@ -286,8 +286,8 @@ enum error_code import_write_standing(const struct import_rig *rig, const char *
 
     /* Write the materials of ground and robot. Their stiffness is proportional to the weight, so
      * that the layers deflect by some tenths of a millimeter under the whole weight. Wheels touch
-     * along a line, so a robot that rolls has stiffer ones; what its base has on the ground are
-     * castors, which hardly brake. */
+     * along a line, so a robot on wheels has stiffer layers. Parts of its base on the ground are
+     * castors, with little friction. */
     static const struct {
         const char *name, *thickness_m;
         double friction;

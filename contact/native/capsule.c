@@ -221,7 +221,7 @@ struct capsule_over_plane {
     double sine, cosine;
     double low;      /* height of the lower end of the axis */
     bool flat;       /* a cylinder */
-    double aside[3]; /* level unit direction in the slices; only for cylinders */
+    double aside[3]; /* horizontal unit vector in the slices; only for cylinders */
 };
 
 /* Computes a unit vector perpendicular to a unit vector. */

@@ -279,7 +279,7 @@ bool loop_revise_regime(const struct loop_step *step, double v, struct loop_regi
     if (regime->kind == LOOP_SATURATED) {
         const bool turns = step->hold > 0.0 && I * regime->flow < 0.0;
 
-        /* A current that ends flows on to the other side or, if that leads back, not at all */
+        /* A current that reaches zero changes its sign or, if that leads back, stays zero */
         if (turns) {
             regime->flow = regime->turned ? 0.0 : -regime->flow;
             regime->turned = true;

@@ -22,8 +22,8 @@
 #define LINK_SWING (1.0 / 1.5)
 #define WINDING_SWING 0.5
 
-/* Largest product of a stage and the rate at which iron drag slows the rotor, or at which the skin
- * effect lowers the current, of a drive that is not stiff. */
+/* A drive is stiff if the length of a stage times a rate exceeds this. The rates are those at which
+ * iron drag slows the rotor, and at which the skin effect lowers the current. */
 #define DECAY 0.5
 
 /* Largest number of solutions of a stage, and the part of the torque by which the tangent of a

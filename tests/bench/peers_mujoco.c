@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * MuJoCo as a peer: the robot goes in as its own XML format, with contacts off but where it
- * stands, and constraints off but where it stands or has couplings. mj_forward or mj_step is what
- * is timed. A free joint of MuJoCo has its linear velocity in world axes and its angular velocity
+ * MuJoCo as a peer. The robot goes in as MuJoCo's own XML format. Contacts are on only if the robot
+ * stands, constraints only if it stands or has couplings. The time of mj_forward or mj_step is
+ * measured. A free joint of MuJoCo has its linear velocity in world axes and its angular velocity
  * in the body's.
  */
 #include "tests/bench/peers.h"

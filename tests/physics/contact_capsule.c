@@ -207,7 +207,7 @@ TEST(cylinder_at_any_angle_pushes_with_k_times_the_volume_below_at_its_center)
                         1e-9 * force[k]);
         }
 
-        /* What it pushes with is the slope of what it stores */
+        /* The force is the slope of the stored energy */
         assert_near((energy[1] - energy[0]) / h, -(force[0] + force[1]) / 2, 1e-3 * force[0]);
         assert_near((energy[0] - energy[2]) / (h / R), -(moment[0] + moment[2]) / 2,
                     2e-3 * force[0] * R);

@@ -404,7 +404,7 @@ TEST(drives_with_effects_agree_with_dopri5_under_a_law)
     static const struct {
         struct robot_effects effects;
         double stiffness, limit, supply, tolerance;
-        bool by_rk4; /* dopri5 does not step over the loss that turns with the current */
+        bool by_rk4; /* dopri5 cannot step over the sign change of the loss */
     } rows[] = {
         {{.coulomb = 0.8, .breakaway = 0.8}, 0.0, 40.0, 48.0, 2e-3, false},
         {{.coulomb = 0.8, .breakaway = 0.8}, 100.0, 3.0, 48.0, 5e-3, false},

@@ -187,10 +187,10 @@ TEST(a_bus_without_source_stays_at_its_least_voltage)
             assert_ok(plant_sample(p.plant));
             assert_true(plant_sensors(p.plant)->supply_v >= 0.9 * SUPPLY_LEAST_V);
         }
-        /* What is left is a volt at the winding */
+        /* One volt remains at the winding */
         assert_near(p.state[2 + DRIVE_CURRENT], SUPPLY_LEAST_V / toy_drive(400.0).R, 0.05);
         assert_ok(plant_energy(p.plant, &energy));
-        /* A step may end within the energy that the bus has at twice its least voltage */
+        /* A step may miss the balance by the energy of the bus at twice its least voltage */
         assert_near(energy.balance, 0.0, 0.5 * 0.001 * pow(2.0 * SUPPLY_LEAST_V, 2.0));
         arena_fini(&p.arena);
     }

@@ -65,7 +65,7 @@ struct ride {
     double radius, track;    /* m; the track is the way between the wheels */
     double left, right;      /* angles of the joints at the end, rad */
     double right_sign;       /* of the joint's axis */
-    double way_off, yaw_off; /* allowed, over the way and over the yaw; yaw_off 0: any yaw */
+    double way_off, yaw_off; /* allowed errors as shares of way and yaw; yaw_off 0: any yaw */
     double ripple_m;         /* allowed, of the height of the axle while it drives */
 };
 

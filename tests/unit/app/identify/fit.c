@@ -417,7 +417,7 @@ TEST(drives_of_an_arm_come_back_mounted)
 }
 
 /* A drive at a lock, whose output is the command: the torques at which loops about the spring come
- * to rest. A command that comes into force in the middle of its row is one with a delay. */
+ * to rest. A command that comes into force in the middle of its row equals a delayed command. */
 TEST(a_host_closes_its_loop_about_the_spring)
 {
     static const struct {

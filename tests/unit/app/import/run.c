@@ -474,7 +474,8 @@ TEST_WITH(limits_of_boards_lie_outside_the_stops, open_folder, remove_folder)
     assert_true(rig->axis[0].lower_rad == 0.0 && rig->axis[0].upper_rad == 2.0);
 }
 
-/* A short finger holds itself 20 times over, which the clamp's release moves by 50 mrad at most */
+/* The loop of a short finger is 20 times as stiff as its load; the clamp's release moves it by 50
+ * mrad at most */
 TEST_WITH(light_links_are_held_as_stiffly_as_gravity_asks, open_folder, remove_folder)
 {
     struct import_result result;
@@ -488,7 +489,7 @@ TEST_WITH(light_links_are_held_as_stiffly_as_gravity_asks, open_folder, remove_f
                 0.05);
 }
 
-/* Dry friction of the file leaves 5 mrad, within what the inertia bears: 60 rad/s */
+/* Dry friction of the file leaves 5 mrad, unless the inertia limits the loop to 60 rad/s */
 TEST_WITH(dry_friction_stiffens_the_loop, open_folder, remove_folder)
 {
     static const struct {

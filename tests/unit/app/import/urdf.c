@@ -836,7 +836,7 @@ TEST_WITH(meshes_are_moved_by_their_reference, open_default, close_arena)
     }
     assert_true(noted(IMPORT_SHAPED, 5, "MuJoCo fits to mesh \"m\""));
 
-    /* What stands still needs no mass, and the fit is not computed */
+    /* A link that stands still needs no mass, so the fit is not computed */
     import_good(
         "<mujoco><asset><mesh name='m' file='m.obj'/></asset><worldbody><body name='base'>\n"
         "<geom type='box' mesh='m'/><body name='a'><joint/><geom size='1'/></body></body>"
