@@ -51,7 +51,7 @@ std::string System::parameter(const std::string &name) const
     return found == info_.hardware_parameters.end() ? std::string() : found->second;
 }
 
-// The whole number of a parameter; 0 without the parameter.
+// Reads the whole number of a parameter; 0 without the parameter.
 bool System::number(const std::string &name, int largest, int &value) const
 {
     const std::string text = parameter(name);
