@@ -80,7 +80,8 @@ struct dynamics {
 };
 
 /* The numeric articulated-body implementation (Featherstone, Rigid Body Dynamics Algorithms, 2008,
- * table 7.1). Memory from arena. Not RT-safe itself. */
+ * table 7.1). It sets the motions and accelerations of all bodies, observed or not. Memory from
+ * arena. Not RT-safe itself. */
 enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,
                                  struct dynamics *out, struct error *error);
 

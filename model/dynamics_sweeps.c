@@ -60,6 +60,26 @@ static void read_base_inertia(const struct generic *g, struct spatial_inertia *A
     }
 }
 
+/* Computes the acceleration of a free base with the articulated inertia A under minus the force in
+ * a lane of p. Fills the same lane of a, and vdot. */
+static void accelerate_base(const struct generic *g, const struct spatial_inertia *A,
+                            const struct spatial_lanes *p, int lane, struct spatial_lanes *a,
+                            double *vdot)
+{
+    struct spatial f, x;
+
+    for (int m = 0; m < 3; m++) {
+        f.a[m] = p->a[m][lane];
+        f.l[m] = p->l[m][lane];
+    }
+    spatial_inertia_solve(A, &f, &x);
+    for (int m = 0; m < 3; m++) {
+        a->a[m][lane] = -x.a[m];
+        a->l[m][lane] = -x.l[m];
+    }
+    store_base(g, a, lane, vdot);
+}
+
 /* Sets the motion of the base from the first numbers of a rate or an acceleration. */
 static void set_base(const struct dynamics *d, const double *v, struct spatial_lanes *x)
 {
@@ -73,18 +93,6 @@ static void set_base(const struct dynamics *d, const double *v, struct spatial_l
             x->a[m][0] += R[3 * m + n][0] * v[BASE_V_ANGULAR + n];
         }
     }
-}
-
-/* Reads a spatial quantity of one body. */
-static struct spatial read_lane(const struct spatial_lanes *x, int lane)
-{
-    struct spatial y;
-
-    for (int m = 0; m < 3; m++) {
-        y.a[m] = x->a[m][lane];
-        y.l[m] = x->l[m][lane];
-    }
-    return y;
 }
 
 /* Computes sines and cosines of angles, which must not exceed 1e5: portable_sincos in lanes. */
@@ -342,17 +350,10 @@ static void sweeps_implicit(const struct dynamics *d, const double *q, const dou
     /* Outward: accelerations, apart from those at vdot = 0 */
     memset(&base->a, 0, sizeof base->a);
     if (d->robot->floating) {
-        const struct spatial p = read_lane(&base->p, 0);
         struct spatial_inertia A;
-        struct spatial a;
 
         read_base_inertia(g, &A);
-        spatial_inertia_solve(&A, &p, &a);
-        for (int m = 0; m < 3; m++) {
-            base->a.a[m][0] = -a.a[m];
-            base->a.l[m][0] = -a.l[m];
-        }
-        store_base(g, &base->a, 0, vdot);
+        accelerate_base(g, &A, &base->p, 0, &base->a, vdot);
     }
     for (size_t i = 1; i < g->ngroup; i++) {
         store_joints(&g->group[i], outward_acceleration(g, &g->group[i]), vdot + g->first);
@@ -430,15 +431,7 @@ static void respond_side_by_side(const struct dynamics *d, int count, const doub
 
         read_base_inertia(g, &A);
         for (int i = 0; i < count; i++) {
-            const struct spatial p = read_lane(&base->p, i);
-            struct spatial a;
-
-            spatial_inertia_solve(&A, &p, &a);
-            for (int m = 0; m < 3; m++) {
-                base->a.a[m][i] = -a.a[m];
-                base->a.l[m][i] = -a.l[m];
-            }
-            store_base(g, &base->a, i, vdot + (size_t)i * nv);
+            accelerate_base(g, &A, &base->p, i, &base->a, vdot + (size_t)i * nv);
         }
     }
     for (size_t b = 1; b < g->nbody; b++) {

@@ -7,13 +7,6 @@
 #include <math.h>
 #include <string.h>
 
-enum { RK4_STAGES = 4 };
-
-size_t integrator_rk4_scratch(size_t n)
-{
-    return (RK4_STAGES + 1) * n; /* memory for the slopes and for the state of the next slope */
-}
-
 /* Computes out = y + h k. */
 static void advance_stage(size_t n, const double *y, double h, const double *restrict k,
                           double *restrict out)
@@ -51,7 +44,7 @@ void integrator_rk4(integrator_function *f, void *context, double t, double h, s
     }
 }
 
-enum { DOPRI5_STAGES = 7 };
+enum { DOPRI5_STAGES = DOPRI5_SCRATCH - 1 };
 
 static const double dopri5_c[DOPRI5_STAGES] = {0.0, 1.0 / 5, 3.0 / 10, 4.0 / 5, 8.0 / 9, 1.0, 1.0};
 
@@ -79,12 +72,6 @@ static const double dopri5_e[DOPRI5_STAGES] = {
 /* First step and smallest step, relative to the whole span h. */
 #define FIRST_STEP 1e-3
 #define LEAST_STEP 1e-12
-
-size_t integrator_dopri5_scratch(size_t n)
-{
-    /* memory for the slopes and for the state of the next slope */
-    return (DOPRI5_STAGES + 1) * n;
-}
 
 bool integrator_dopri5(integrator_function *f, void *context, double t, double h, size_t n,
                        double *y, struct integrator_dopri5 *control, double *scratch)

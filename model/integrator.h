@@ -12,8 +12,8 @@
 /* Computes dydt (n) from y (n) at time t (s). */
 typedef void integrator_function(void *context, double t, const double *y, double *dydt);
 
-/* Returns the number of doubles of scratch that integrator_rk4 needs for n states. */
-size_t integrator_rk4_scratch(size_t n);
+/* Doubles of scratch per state, for the slopes of the stages and the state of the next slope. */
+enum { RK4_SCRATCH = 5, DOPRI5_SCRATCH = 8 };
 
 /* Advances y (n) from t by h seconds with the classical fourth-order Runge-Kutta scheme (Hairer,
  * Norsett, Wanner, Solving ODEs I, II.1, table 1.2). lost (n) receives the rounding error of y,
@@ -30,9 +30,6 @@ struct integrator_dopri5 {
     double last_error;  /* error of the last accepted step */
     size_t evaluations; /* evaluations of f so far */
 };
-
-/* Returns the number of doubles of scratch that integrator_dopri5 needs for n states. */
-size_t integrator_dopri5_scratch(size_t n);
 
 /* Advances y (n) from t by h seconds with the embedded pair of orders 5 and 4 of Dormand and
  * Prince and proportional-integral control of the step (Hairer, Norsett, Wanner, Solving ODEs I,

@@ -200,17 +200,14 @@ void plant_contact_mean(const struct plant *plant, size_t c, struct contact_wren
  * wrench of one pair in contact. Call it before the next plant_step or plant_energy. RT-safe. */
 size_t plant_patches(const struct plant *plant, struct contact_patch *patch, size_t max);
 
-/* Returns poses and velocities of the robot's bodies (nbody entries) at the last sample. Only
- * entries of observed bodies are set. */
+/* Returns poses and velocities at the last sample: of the robot's bodies (nbody entries, of which
+ * only those of observed bodies are set), then of the free bodies (nfree entries), at the origins
+ * of their frames. */
 const struct body_motion *plant_motion(const struct plant *plant);
 
 /* Returns poses and velocities of all bodies of the robot in the present state, observed or not.
  * They are valid until the next call of a plant function. Takes one pass over the tree. RT-safe. */
 const struct body_motion *plant_whole_motion(struct plant *plant);
-
-/* Returns poses and velocities of the free bodies (nfree entries), at the origins of their
- * frames. */
-const struct body_motion *plant_free_motion(const struct plant *plant);
 
 /* Computes the pose of free body i in the present state: position of its origin (m), quaternion
  * wxyz. RT-safe. */

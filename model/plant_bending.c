@@ -8,15 +8,6 @@
 #include <math.h>
 #include <string.h>
 
-bool plant_bending_create(struct plant *plant, struct arena *arena)
-{
-    const size_t nbody = plant->config.bending ? plant->config.robot->nbody : 0;
-
-    plant->bending_acceleration = arena_alloc(arena, nbody, sizeof *plant->bending_acceleration);
-    plant->bending_load = arena_alloc(arena, nbody, sizeof *plant->bending_load);
-    return plant->bending_acceleration && plant->bending_load;
-}
-
 void plant_sample_bending(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;

@@ -175,13 +175,6 @@ static void lay_out_state(struct plant *plant)
     plant->at.count = plant->at.bristle + plant->nbristle;
 }
 
-/* Allocates an array of count elements for pointer; clears ok if the arena is full. */
-#define TAKE(pointer, count)                                                                       \
-    do {                                                                                           \
-        (pointer) = arena_alloc(arena, (count), sizeof *(pointer));                                \
-        ok = ok && (pointer);                                                                      \
-    } while (0)
-
 /* Allocates the plant's arrays. Returns false if the arena is full. */
 static bool allocate_plant(struct plant *plant, struct arena *arena)
 {
@@ -239,38 +232,18 @@ static bool allocate_plant(struct plant *plant, struct arena *arena)
         plant->implicit = implicit_create(plant, arena);
         ok = ok && plant->implicit;
     } else {
-        size_t rk4 = integrator_rk4_scratch(count), dopri5 = integrator_dopri5_scratch(count);
-
-        TAKE(plant->scratch, plant->config.integrator == PLANT_RK4 ? rk4 : dopri5);
+        TAKE(plant->scratch,
+             count * (plant->config.integrator == PLANT_RK4 ? RK4_SCRATCH : DOPRI5_SCRATCH));
     }
 
     /* The last sample */
     TAKE(plant->sampled_motion, nbody);
     TAKE(plant->sampled_wrench, ncontact);
     TAKE(plant->acceleration, robot->nbody);
-    ok = ok && plant_bending_create(plant, arena);
+    TAKE(plant->bending_acceleration, plant->config.bending ? robot->nbody : 0);
+    TAKE(plant->bending_load, plant->config.bending ? robot->nbody : 0);
     TAKE(plant->patch, plant->config.contact ? PLANT_PATCHES : 0);
     return ok;
-}
-
-/* Creates dynamics of the same robot that compute the motion of each body. */
-static enum error_code create_whole_dynamics(struct plant *plant, struct arena *arena,
-                                             struct error *error)
-{
-    const struct robot *robot = plant->config.robot;
-    struct robot *all = arena_alloc(arena, 1, sizeof *all);
-    struct robot_body *body = arena_alloc(arena, robot->nbody, sizeof *body);
-
-    if (!all || !body) {
-        return error_set(error, ERROR_MEMORY, "no memory for the plant of %s", robot->name);
-    }
-    memcpy(body, robot->body, robot->nbody * sizeof *body);
-    for (size_t b = 0; b < robot->nbody; b++) {
-        body[b].observed = true;
-    }
-    *all = *robot;
-    all->body = body;
-    return dynamics_generic(all, arena, &plant->whole, error);
 }
 
 /* Finds the joint of each drive, spring and cylinder. */
@@ -338,7 +311,7 @@ enum error_code plant_create(const struct plant_config *config, struct arena *ar
     if (!allocate_plant(made, arena)) {
         return error_set(error, ERROR_MEMORY, "no memory for the plant of %s", robot->name);
     }
-    if ((code = create_whole_dynamics(made, arena, error))) {
+    if ((code = dynamics_generic(robot, arena, &made->whole, error))) {
         return code;
     }
 
@@ -350,7 +323,6 @@ enum error_code plant_create(const struct plant_config *config, struct arena *ar
     if (made->implicit) {
         implicit_prepare_drives(made);
     }
-    plant_free_prepare(made);
     plant_free_reset(made);
     plant_effects_reset(made);
     plant_hydraulic_reset(made);

@@ -14,18 +14,6 @@
 /* Smallest pivot of an invertible tensor, relative to its trace. */
 #define SINGULAR_RATIO 1e-12
 
-/* Returns the state of a free body. */
-static double *free_body_state(const struct plant *plant, double *state, size_t body)
-{
-    return state + plant->at.free + PLANT_FREE_STATE * body;
-}
-
-/* Returns the state of a free body, read-only. */
-static const double *free_body_view(const struct plant *plant, const double *state, size_t body)
-{
-    return state + plant->at.free + PLANT_FREE_STATE * body;
-}
-
 /* Computes the inverse of a symmetric matrix by its cofactors; returns false if it is not safely
  * positive definite. */
 static bool invert_inertia(const double S[6], double inverse[6])
@@ -81,20 +69,14 @@ enum error_code plant_check_free_body(const struct plant_free_body *body, struct
     return ERROR_NONE;
 }
 
-void plant_free_prepare(struct plant *plant)
-{
-    for (size_t b = 0; b < plant->config.nfree; b++) {
-        invert_inertia(plant->config.free[b].inertia.I, plant->free_inverse[b].I);
-    }
-}
-
 void plant_free_reset(struct plant *plant)
 {
     for (size_t b = 0; b < plant->config.nfree; b++) {
         const struct plant_free_body *body = &plant->config.free[b];
-        double *y = free_body_state(plant, plant->state, b);
+        double *y = plant->state + plant_free_offset(plant, b, PLANT_FREE_POSITION);
         double R[9], arm[3];
 
+        invert_inertia(body->inertia.I, plant->free_inverse[b].I);
         mat3_from_quaternion(body->quaternion, R);
         mat3_apply(R, body->inertia.com, arm);
         memcpy(y + PLANT_FREE_VELOCITY, body->v, sizeof body->v);
@@ -111,7 +93,8 @@ void plant_free_reset(struct plant *plant)
 void plant_free_normalize(struct plant *plant)
 {
     for (size_t b = 0; b < plant->config.nfree; b++) {
-        plant_normalize_quaternion(free_body_state(plant, plant->state, b) + PLANT_FREE_QUATERNION);
+        plant_normalize_quaternion(plant->state +
+                                   plant_free_offset(plant, b, PLANT_FREE_QUATERNION));
     }
 }
 
@@ -120,7 +103,7 @@ void plant_free_place(struct plant *plant, const double *state)
     struct body_motion *motion = plant->motion + plant->config.robot->nbody;
 
     for (size_t b = 0; b < plant->config.nfree; b++, motion++) {
-        const double *y = free_body_view(plant, state, b);
+        const double *y = state + plant_free_offset(plant, b, PLANT_FREE_POSITION);
         double arm[3];
 
         /* Compute the origin of the body's frame, which differs from the center of mass */
@@ -152,9 +135,9 @@ void plant_free_derive(const struct plant *plant, const double *state, double *d
     const struct robot *robot = plant->config.robot;
 
     for (size_t b = 0; b < plant->config.nfree; b++) {
-        const double *y = free_body_view(plant, state, b);
+        const double *y = state + plant_free_offset(plant, b, PLANT_FREE_POSITION);
         const struct wrench *ext = &plant->ext[robot->nbody + b];
-        double *out = free_body_state(plant, derivative, b);
+        double *out = derivative + plant_free_offset(plant, b, PLANT_FREE_POSITION);
         double force[3];
 
         memcpy(out + PLANT_FREE_POSITION, y + PLANT_FREE_VELOCITY, 3 * sizeof *out);
@@ -187,7 +170,7 @@ double plant_free_energy(const struct plant *plant, const double *state)
 
     for (size_t b = 0; b < plant->config.nfree; b++) {
         const struct robot_inertia *inertia = &plant->config.free[b].inertia;
-        const double *y = free_body_view(plant, state, b);
+        const double *y = state + plant_free_offset(plant, b, PLANT_FREE_POSITION);
         double momentum[3];
 
         sym3_apply(inertia->I, y + PLANT_FREE_SPIN, momentum);
@@ -200,7 +183,7 @@ double plant_free_energy(const struct plant *plant, const double *state)
 
 void plant_free_pose(const struct plant *plant, size_t i, double pose[7])
 {
-    const double *y = free_body_view(plant, plant->state, i);
+    const double *y = plant->state + plant_free_offset(plant, i, PLANT_FREE_POSITION);
     double R[9], arm[3];
 
     mat3_from_quaternion(y + PLANT_FREE_QUATERNION, R);
@@ -209,9 +192,4 @@ void plant_free_pose(const struct plant *plant, size_t i, double pose[7])
         pose[k] = y[PLANT_FREE_POSITION + k] - arm[k];
     }
     memcpy(pose + 3, y + PLANT_FREE_QUATERNION, 4 * sizeof *pose);
-}
-
-const struct body_motion *plant_free_motion(const struct plant *plant)
-{
-    return plant->sampled_motion + plant->config.robot->nbody;
 }

@@ -18,6 +18,13 @@
 #include "model/stop.h"
 #include "model/drives/supply.h"
 
+/* Allocates an array in `arena`; sets `ok` to false if the arena is full. */
+#define TAKE(pointer, count)                                                                       \
+    do {                                                                                           \
+        (pointer) = arena_alloc(arena, (count), sizeof *(pointer));                                \
+        ok = ok && (pointer);                                                                      \
+    } while (0)
+
 /* Integrals of powers near the end of the state. WORK_CONTACT is the work of contact on the
  * bodies. The entries from WORK_GEAR on exist only with effects of drives or a bus. */
 enum plant_work {
@@ -95,7 +102,7 @@ struct plant_account {
 /* Arrays by body have nbody entries for the robot, then nfree for the free bodies. */
 struct plant {
     struct plant_config config; /* contact_body and free are the plant's own copies */
-    /* generic dynamics in which each body is observed, for pushes and the center of mass */
+    /* numeric dynamics, which give the motion of each body, for pushes and the center of mass */
     struct dynamics whole;
     struct plant_layout at;
     size_t ndrive, nspring, npassive, nhydraulic, nbristle;
@@ -377,10 +384,7 @@ enum error_code plant_contact_evaluate(struct plant *plant, const double *v, con
 void plant_forget_peaks(struct plant *plant);
 void plant_raise_peak(struct plant *plant, size_t c, const struct contact_wrench *wrench);
 
-/* plant_bending_create allocates memory for bending; returns false if the arena is full.
- * plant_sample_bending fills bending_nm of all joints from vdot, ext and q of the sample;
- * RT-safe. */
-bool plant_bending_create(struct plant *plant, struct arena *arena);
+/* Fills bending_nm of all joints from vdot, ext and q of the sample. RT-safe. */
 void plant_sample_bending(struct plant *plant);
 
 /* Lists the pairs with bristles that are not 0, in ascending order. Checks only the last listed
@@ -415,11 +419,15 @@ void plant_place(struct plant *plant, const double *state);
 
 void plant_normalize_quaternion(double quaternion[4]);
 
-/* Computes constants from the free bodies' inertias. */
-void plant_free_prepare(struct plant *plant);
+/* Returns the offset of a part of a free body's state. */
+static inline size_t plant_free_offset(const struct plant *plant, size_t body,
+                                       enum plant_free_part part)
+{
+    return plant->at.free + PLANT_FREE_STATE * body + (size_t)part;
+}
 
-/* plant_free_reset sets the free bodies in plant->state to their starts; plant_free_normalize
- * normalizes their quaternions. */
+/* plant_free_reset sets the free bodies in plant->state to their starts and inverts their inertias;
+ * plant_free_normalize normalizes their quaternions. */
 void plant_free_reset(struct plant *plant);
 void plant_free_normalize(struct plant *plant);
 

@@ -382,6 +382,9 @@ static inline bool robot_joint_is_driven(const struct robot_joint *joint)
 /* Returns the coupling in which joint j is the follower, or NULL. RT-safe. */
 const struct robot_coupling *robot_find_coupling(const struct robot *robot, size_t j);
 
+/* Computes the pose of a body in its parent's frame with its joint at position q (rad or m). */
+void robot_place_child(const struct robot_joint *joint, double q, double R[9], double p[3]);
+
 /* Return the index of the entry with a name, or -1. Not RT-safe (linear search). */
 int robot_find_body(const struct robot *robot, const char *name);
 int robot_find_joint(const struct robot *robot, const char *name);

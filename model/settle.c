@@ -250,51 +250,23 @@ static bool is_sprung(const struct settle *s, size_t j)
            !robot_find_coupling(robot, j);
 }
 
-/* Moves followers until their couplings, with any pressed stops, carry the remaining torque.
- * drive_torque must be up to date. Returns true if a joint has moved. */
-static bool lean_on_couplings(struct settle *s, double least)
+/* Moves joint j until its coupling or passive spring of this stiffness, with any pressed stop,
+ * carries the remaining torque. drive_torque must be up to date. Returns whether the joint has
+ * moved. */
+static bool lean_on_spring(struct settle *s, size_t j, double stiffness, double least)
 {
     struct plant *plant = s->plant;
     const struct robot *robot = plant->config.robot;
-    double *q = plant->state + plant->at.v - robot->njoint;
-    bool moved = false;
+    const double left = drive_torque(s, j);
 
-    for (size_t i = 0; i < robot->ncoupling; i++) {
-        const struct robot_coupling *coupling = &robot->coupling[i];
-        const size_t j = (size_t)coupling->follower;
-        const double depth = plant_joint_depth(plant, plant->state, j);
-        const double left = drive_torque(s, j);
-
-        if (fabs(left) > least) {
-            q[j] -= left /
-                    (coupling->stiffness + (depth != 0.0 ? robot->joint[j].stop.stiffness : 0.0));
-            moved = true;
-        }
+    if (!(fabs(left) > least)) {
+        return false;
     }
-    return moved;
-}
-
-/* Moves joints without a drive until their passive springs, with any pressed stops, carry the
- * remaining torque. drive_torque must be up to date. Returns true if a joint has moved. */
-static bool lean_on_passive(struct settle *s, double least)
-{
-    struct plant *plant = s->plant;
-    bool moved = false;
-
-    for (size_t i = 0; i < plant->npassive; i++) {
-        const size_t j = plant->passive_joint[i];
-        const struct robot_joint *joint = &plant->config.robot->joint[j];
-        const double left = drive_torque(s, j);
-        const double pressed =
-            plant_joint_depth(plant, plant->state, j) != 0.0 ? joint->stop.stiffness : 0.0;
-
-        if (is_sprung(s, j) && fabs(left) > least) {
-            plant->state[plant->at.v - plant->config.robot->njoint + j] -=
-                left / (joint->passive.stiffness + pressed);
-            moved = true;
-        }
+    if (plant_joint_depth(plant, plant->state, j) != 0.0) {
+        stiffness += robot->joint[j].stop.stiffness;
     }
-    return moved;
+    plant->state[plant->at.v - robot->njoint + j] -= left / stiffness;
+    return true;
 }
 
 /* Moves joints without a drive until their stops, couplings or passive springs carry the remaining
@@ -304,11 +276,19 @@ static bool lean_on_stops(struct settle *s)
     struct plant *plant = s->plant;
     const struct robot *robot = plant->config.robot;
     double least = LEANING * robot->total_mass * sqrt(vec3_dot(robot->gravity, robot->gravity));
-    bool moved;
+    bool moved = false;
 
     settle_weigh_robot(s, NULL);
-    moved = lean_on_couplings(s, least);
-    moved = lean_on_passive(s, least) || moved;
+    for (size_t i = 0; i < robot->ncoupling; i++) {
+        const struct robot_coupling *coupling = &robot->coupling[i];
+
+        moved |= lean_on_spring(s, (size_t)coupling->follower, coupling->stiffness, least);
+    }
+    for (size_t i = 0; i < plant->npassive; i++) {
+        const size_t j = plant->passive_joint[i];
+
+        moved |= is_sprung(s, j) && lean_on_spring(s, j, robot->joint[j].passive.stiffness, least);
+    }
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct robot_joint *joint = &robot->joint[j];
         double *q = &plant->state[plant->at.v - robot->njoint + j];
@@ -453,12 +433,6 @@ static void list_resting_bodies(struct settle *s)
         }
     }
 }
-
-#define TAKE(pointer, count)                                                                       \
-    do {                                                                                           \
-        (pointer) = arena_alloc(arena, (count), sizeof *(pointer));                                \
-        ok = ok && (pointer);                                                                      \
-    } while (0)
 
 /* Allocates the scratch of the search. Returns false if the arena is full. */
 static bool allocate_settle(struct settle *s, struct arena *arena)

@@ -48,11 +48,12 @@ static void place_point(const double R[9], const double p[3], double point[3])
     }
 }
 
-/* Rotates a rotation matrix by R: rotation <- R * rotation. */
-static void place_rotation(const double R[9], double rotation[9])
+/* Transforms a point and a rotation in the same way. */
+static void place_frame(const double R[9], const double p[3], double point[3], double rotation[9])
 {
     double turned[9];
 
+    place_point(R, p, point);
     mat3_mul(R, rotation, turned);
     memcpy(rotation, turned, sizeof turned);
 }
@@ -71,27 +72,23 @@ enum error_code robot_fix_base(struct robot *robot, const double position[3],
     /* Joints of bodies attached to the base */
     for (size_t j = 0; j < robot->njoint; j++) {
         if (robot->body[j + 1].parent == 0) {
-            place_point(R, position, robot->joint[j].origin);
-            place_rotation(R, robot->joint[j].rotation);
+            place_frame(R, position, robot->joint[j].origin, robot->joint[j].rotation);
         }
     }
     /* Frames, capsules and visuals of the base */
     for (size_t f = 0; f < robot->nframe; f++) {
         if (robot->frame[f].body == 0) {
-            place_point(R, position, robot->frame[f].position);
-            place_rotation(R, robot->frame[f].rotation);
+            place_frame(R, position, robot->frame[f].position, robot->frame[f].rotation);
         }
     }
     for (size_t c = 0; c < robot->ncapsule; c++) {
         if (robot->capsule[c].body == 0) {
-            place_point(R, position, robot->capsule[c].position);
-            place_rotation(R, robot->capsule[c].rotation);
+            place_frame(R, position, robot->capsule[c].position, robot->capsule[c].rotation);
         }
     }
     for (size_t v = 0; v < robot->nvisual; v++) {
         if (robot->visual[v].body == 0) {
-            place_point(R, position, robot->visual[v].position);
-            place_rotation(R, robot->visual[v].rotation);
+            place_frame(R, position, robot->visual[v].position, robot->visual[v].rotation);
         }
     }
     return robot_finish(robot, error);

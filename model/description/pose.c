@@ -6,8 +6,7 @@
 
 #include <string.h>
 
-/* Computes the pose of a body in its parent's frame with its joint at position q (rad or m). */
-static void joint_place_child(const struct robot_joint *joint, double q, double R[9], double p[3])
+void robot_place_child(const struct robot_joint *joint, double q, double R[9], double p[3])
 {
     double turn[9], slide[3];
 
@@ -35,7 +34,7 @@ void robot_place_bodies(const struct robot *robot, const double position[3],
         const struct body_motion *parent = &motion[robot->body[j + 1].parent];
         double R[9], p[3], arm[3];
 
-        joint_place_child(&robot->joint[j], joint[j], R, p);
+        robot_place_child(&robot->joint[j], joint[j], R, p);
         mat3_mul(parent->R, R, motion[j + 1].R);
         mat3_apply(parent->R, p, arm);
         vec3_add_scaled(arm, 1, parent->p, motion[j + 1].p);

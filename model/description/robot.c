@@ -101,20 +101,9 @@ static double joint_inertia(const struct robot_joint *joint, const struct spatia
 static void hand_to_parent(const struct robot_joint *joint, double q, struct spatial_inertia A,
                            struct spatial_inertia *parent)
 {
-    double R[9], turn[9], r[3] = {joint->origin[0], joint->origin[1], joint->origin[2]};
+    double R[9], r[3];
 
-    if (joint->type == JOINT_REVOLUTE) {
-        mat3_about_axis(joint->axis, q, turn);
-        mat3_mul(joint->rotation, turn, R);
-    } else {
-        double slide[3];
-
-        memcpy(R, joint->rotation, sizeof R);
-        mat3_apply(R, joint->axis, slide);
-        for (int m = 0; m < 3; m++) {
-            r[m] += slide[m] * q;
-        }
-    }
+    robot_place_child(joint, q, R, r);
     spatial_inertia_rotate(R, &A);
     spatial_inertia_shift(r, &A);
     spatial_inertia_add(&A, parent);

@@ -16,22 +16,20 @@ static const struct yaml_field body_fields[] = {
     YAML_NUMBERS("com_m", true, body_yaml, body.inertia.com, 3, -1e3, 1e3),
     YAML_NUMBERS("inertia_kg_m2", true, body_yaml, body.inertia.I, 6, -1e6, 1e6),
 };
-static const struct yaml_schema body_schema = YAML_SCHEMA("a body", struct body_yaml, body_fields);
+YAML_TABLE(body, "a body", body_yaml);
 
 static const struct yaml_field inertia_fields[] = {
     YAML_NUMBER("mass_kg", true, robot_inertia, mass, 0.0, 1e6),
     YAML_NUMBERS("com_m", true, robot_inertia, com, 3, -1e3, 1e3),
     YAML_NUMBERS("inertia_kg_m2", true, robot_inertia, I, 6, -1e6, 1e6),
 };
-static const struct yaml_schema inertia_schema = YAML_SCHEMA(
-    "the inertia below a sensor", struct robot_inertia, inertia_fields, .unmarked = true);
+YAML_TABLE(inertia, "the inertia below a sensor", robot_inertia, .unmarked = true);
 
 static const struct yaml_field origin_fields[] = {
     YAML_NUMBERS("xyz_m", true, joint_yaml, joint.origin, 3, -1e3, 1e3),
     YAML_NUMBERS("rpy_rad", false, joint_yaml, rpy, 3, -1e3, 1e3),
 };
-static const struct yaml_schema origin_schema =
-    YAML_SCHEMA("an origin", struct joint_yaml, origin_fields, .unmarked = true);
+YAML_TABLE(origin, "an origin", joint_yaml, .unmarked = true);
 
 static const struct yaml_field limits_fields[] = {
     YAML_NUMBER("lower_rad", false, robot_joint, lower, -1e6, 1e6),
@@ -41,8 +39,7 @@ static const struct yaml_field limits_fields[] = {
     YAML_NUMBER("upper_m", false, robot_joint, upper, -1e6, 1e6),
     YAML_NUMBER("force_n", false, robot_joint, torque_limit, 0.0, 1e6),
 };
-static const struct yaml_schema limits_schema =
-    YAML_SCHEMA("the limits of a joint", struct robot_joint, limits_fields, .unmarked = true);
+YAML_TABLE(limits, "the limits of a joint", robot_joint, .unmarked = true);
 
 static const struct yaml_field stops_fields[] = {
     {"enabled", YAML_BOOL, false, .offset = AT(stops_yaml, enabled)},
@@ -59,15 +56,13 @@ static const struct yaml_field error_fields[] = {
     YAML_NUMBER("rad", true, harmonic_yaml, sine.amplitude, 0.0, 1.0),
     YAML_NUMBER("phase_rad", false, harmonic_yaml, sine.phase, -1e3, 1e3),
 };
-static const struct yaml_schema error_schema =
-    YAML_SCHEMA("a sine of the gear's error", struct harmonic_yaml, error_fields);
+YAML_TABLE(error, "a sine of the gear's error", harmonic_yaml);
 static const struct yaml_field cogging_fields[] = {
     YAML_NUMBER("per_turn", true, harmonic_yaml, sine.per_turn, 1e-6, 1e6),
     YAML_NUMBER("nm", true, harmonic_yaml, sine.amplitude, 0.0, 1e6),
     YAML_NUMBER("phase_rad", false, harmonic_yaml, sine.phase, -1e3, 1e3),
 };
-static const struct yaml_schema cogging_schema =
-    YAML_SCHEMA("a sine of the cogging torque", struct harmonic_yaml, cogging_fields);
+YAML_TABLE(cogging, "a sine of the cogging torque", harmonic_yaml);
 
 /* Rows of the keys of drives: electric drives (required keys first), hydraulic drives, then keys of
  * both kinds. */
@@ -195,9 +190,7 @@ static const struct yaml_field hydraulic_supply_fields[] = {
     SUPPLY("relief_pa", false, relief, 0.0, 1e9),
     SUPPLY("relief_m3_s_pa", false, relief_flow, 0.0, 1e-3),
 };
-static const struct yaml_schema hydraulic_supply_schema =
-    YAML_SCHEMA("the hydraulic supply", struct robot_hydraulic_supply, hydraulic_supply_fields,
-                .unmarked = true);
+YAML_TABLE(hydraulic_supply, "the hydraulic supply", robot_hydraulic_supply, .unmarked = true);
 
 static const struct yaml_field spring_fields[] = {
     {"enabled", YAML_BOOL, true, .offset = AT(joint_yaml, joint.spring.enabled)},
@@ -206,8 +199,7 @@ static const struct yaml_field spring_fields[] = {
     YAML_NUMBER("r_m", true, joint_yaml, joint.spring.r, 1e-6, 1e3),
     {"sense", YAML_INT, true, AT(joint_yaml, spring_sense), .min = -1, .max = 1},
 };
-static const struct yaml_schema spring_schema =
-    YAML_SCHEMA("a parallel spring", struct joint_yaml, spring_fields, .unmarked = true);
+YAML_TABLE(spring, "a parallel spring", joint_yaml, .unmarked = true);
 
 static const struct yaml_field passive_fields[] = {
     YAML_NUMBER("stiffness_nm_rad", false, passive_yaml, passive.stiffness, 0.0, 1e9),
@@ -217,16 +209,14 @@ static const struct yaml_field passive_fields[] = {
     YAML_NUMBER("damping_n_s_m", false, passive_yaml, passive.damping, 0.0, 1e9),
     YAML_NUMBER("rest_m", false, passive_yaml, passive.rest, -1e9, 1e9),
 };
-static const struct yaml_schema passive_schema =
-    YAML_SCHEMA("a passive spring", struct passive_yaml, passive_fields);
+YAML_TABLE(passive, "a passive spring", passive_yaml);
 
 static const struct word joint_types[] = {
     {"revolute", JOINT_REVOLUTE}, {"prismatic", JOINT_PRISMATIC}, {NULL, 0}};
 
 static const struct yaml_field joint_fields[] = {
     YAML_TEXT("name", true, joint_yaml, joint.name, 1, 63),
-    {"paper_index", YAML_INT, false, AT(joint_yaml, joint.paper_index), .count = sizeof(int),
-     .max = 1000},
+    YAML_COUNT("paper_index", false, joint_yaml, joint.paper_index, 0, 1000),
     {"type", YAML_ENUM, true, AT(joint_yaml, joint.type), .names = joint_types},
     YAML_TEXT("parent", true, joint_yaml, parent, 1, 63),
     YAML_TEXT("child", true, joint_yaml, child, 1, 63),
@@ -239,8 +229,7 @@ static const struct yaml_field joint_fields[] = {
     {"parallel_spring", YAML_MAP, false, .schema = &spring_schema},
     YAML_SECTION("passive", false, joint_yaml, passive, passive_schema),
 };
-static const struct yaml_schema joint_schema =
-    YAML_SCHEMA("a joint", struct joint_yaml, joint_fields);
+YAML_TABLE(joint, "a joint", joint_yaml);
 
 static const struct yaml_field coupling_fields[] = {
     YAML_TEXT("follower", true, coupling_yaml, follower, 1, 63),
@@ -253,8 +242,7 @@ static const struct yaml_field coupling_fields[] = {
     YAML_NUMBER("stiffness_n_m", false, coupling_yaml, coupling.stiffness, 1e-9, 1e9),
     YAML_NUMBER("damping_n_s_m", false, coupling_yaml, coupling.damping, 0.0, 1e9),
 };
-static const struct yaml_schema coupling_schema =
-    YAML_SCHEMA("a coupling", struct coupling_yaml, coupling_fields);
+YAML_TABLE(coupling, "a coupling", coupling_yaml);
 
 static const struct yaml_field frame_fields[] = {
     YAML_TEXT("name", true, frame_yaml, frame.name, 1, 63),
@@ -262,8 +250,7 @@ static const struct yaml_field frame_fields[] = {
     YAML_NUMBERS("xyz_m", true, frame_yaml, frame.position, 3, -1e3, 1e3),
     YAML_NUMBERS("rpy_rad", false, frame_yaml, rpy, 3, -1e3, 1e3),
 };
-static const struct yaml_schema frame_schema =
-    YAML_SCHEMA("a frame", struct frame_yaml, frame_fields);
+YAML_TABLE(frame, "a frame", frame_yaml);
 
 static const struct yaml_field capsule_fields[] = {
     YAML_TEXT("name", true, capsule_yaml, capsule.name, 1, 63),
@@ -275,8 +262,7 @@ static const struct yaml_field capsule_fields[] = {
     {"flat", YAML_BOOL, false, .offset = AT(capsule_yaml, capsule.flat)},
     YAML_NUMBERS("half_extents_m", false, capsule_yaml, capsule.half, 3, 1e-6, 1e3),
 };
-static const struct yaml_schema capsule_schema =
-    YAML_SCHEMA("a capsule", struct capsule_yaml, capsule_fields);
+YAML_TABLE(capsule, "a capsule", capsule_yaml);
 
 const struct word robot_visual_shapes[] = {
     {"mesh", VISUAL_MESH},         {"box", VISUAL_BOX},         {"sphere", VISUAL_SPHERE},
@@ -295,22 +281,19 @@ static const struct yaml_field visual_fields[] = {
     {"missing", YAML_STRING, false, AT(visual_yaml, visual.missing), .min = 1, .max = 400},
     YAML_NUMBERS("color", false, visual_yaml, visual.color, 4, 0.0, 1.0),
 };
-static const struct yaml_schema visual_schema =
-    YAML_SCHEMA("a visual", struct visual_yaml, visual_fields);
+YAML_TABLE(visual, "a visual", visual_yaml);
 
 static const struct yaml_field ft_fields[] = {
     YAML_TEXT("name", true, ft_yaml, sensor.name, 1, 63),
     YAML_TEXT("frame", true, ft_yaml, frame, 1, 63),
     YAML_SECTION("distal", false, ft_yaml, sensor.distal, inertia_schema),
 };
-static const struct yaml_schema ft_schema =
-    YAML_SCHEMA("a force-torque sensor", struct ft_yaml, ft_fields);
+YAML_TABLE(ft, "a force-torque sensor", ft_yaml);
 
 static const struct yaml_field imu_fields[] = {
     YAML_TEXT("frame", true, robot_yaml, imu_frame, 1, 63),
 };
-static const struct yaml_schema imu_schema =
-    YAML_SCHEMA("the inertial sensor", struct robot_yaml, imu_fields, .unmarked = true);
+YAML_TABLE(imu, "the inertial sensor", robot_yaml, .unmarked = true);
 
 static const struct yaml_field pose_fields[] = {
     YAML_NUMBERS("base_xyz_m", false, pose_yaml, pose.base_position, 3, -1e6, 1e6),
@@ -320,8 +303,7 @@ static const struct yaml_field pose_fields[] = {
     {"joints_m", YAML_REAL_DICT, false, AT(pose_yaml, joint_m), AT(pose_yaml, njoint_m),
      .min = -1e6, .max = 1e6},
 };
-static const struct yaml_schema pose_schema =
-    YAML_SCHEMA("a pose", struct pose_yaml, pose_fields, .name_offset = AT(pose_yaml, pose.name));
+YAML_TABLE(pose, "a pose", pose_yaml, .name_offset = AT(pose_yaml, pose.name));
 
 static const struct word base_types[] = {{"floating", 1}, {"fixed", 0}, {NULL, 0}};
 
@@ -329,8 +311,7 @@ static const struct yaml_field base_fields[] = {
     {"type", YAML_ENUM, true, AT(robot_yaml, floating), .names = base_types},
     YAML_TEXT("body", true, robot_yaml, base, 1, 63),
 };
-static const struct yaml_schema base_schema =
-    YAML_SCHEMA("the base", struct robot_yaml, base_fields, .unmarked = true);
+YAML_TABLE(base, "the base", robot_yaml, .unmarked = true);
 
 static const struct yaml_field variant_fields[] = {
     YAML_ENTRIES("bodies", YAML_LIST, false, variant_yaml, body, nbody, body_schema),
@@ -341,8 +322,7 @@ static const struct yaml_field variant_fields[] = {
     YAML_SECTION("drive", false, variant_yaml, drive, robot_drive_schema),
     YAML_SECTION("passive", false, variant_yaml, passive, passive_schema),
 };
-static const struct yaml_schema variant_schema = YAML_SCHEMA(
-    "a variant", struct variant_yaml, variant_fields, .name_offset = AT(variant_yaml, name));
+YAML_TABLE(variant, "a variant", variant_yaml, .name_offset = AT(variant_yaml, name));
 
 static const struct yaml_field robot_fields[] = {
     YAML_TEXT("name", true, robot_yaml, name, 1, 63),
@@ -355,8 +335,7 @@ static const struct yaml_field robot_fields[] = {
     YAML_SECTION("hydraulic_supply", false, robot_yaml, hydraulic_supply, hydraulic_supply_schema),
     YAML_SECTION("stops", false, robot_yaml, stops, robot_stops_schema),
     YAML_SECTION("passive", false, robot_yaml, passive, passive_schema),
-    {"bodies", YAML_LIST, true, AT(robot_yaml, body), AT(robot_yaml, nbody),
-     .schema = &body_schema},
+    YAML_ENTRIES("bodies", YAML_LIST, true, robot_yaml, body, nbody, body_schema),
     YAML_ENTRIES("joints", YAML_LIST, false, robot_yaml, joint, njoint, joint_schema),
     YAML_ENTRIES("couplings", YAML_LIST, false, robot_yaml, coupling, ncoupling, coupling_schema),
     YAML_ENTRIES("frames", YAML_LIST, false, robot_yaml, frame, nframe, frame_schema),

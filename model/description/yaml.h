@@ -200,9 +200,10 @@ enum error_code robot_change_drive(struct robot_builder *b, struct drive_yaml *c
 /* Refuses two hydraulic drives for the whole robot, given by the keys drive and hydraulic. */
 enum error_code robot_check_own_drives(struct robot_builder *b);
 
-/* Makes the drive of a joint from its own keys, or else from the robot's own drive. */
-enum error_code robot_merge_own_drive(struct robot_builder *b, const struct drive_yaml *own,
-                                      const struct drive_yaml *given, struct drive_yaml *merged);
+/* Merges change into drive. Values of change, and their places in the file, replace values of
+ * drive. */
+enum error_code robot_merge_drive(struct robot_builder *b, const struct drive_yaml *change,
+                                  struct drive_yaml *drive);
 
 /* Builds the drive of a joint, if it has one. Missing values come from the robot's own drive of
  * this kind. The joint's range must be known. */
@@ -213,9 +214,10 @@ enum error_code robot_build_drive(struct robot_builder *b, struct joint_yaml *gi
 enum error_code robot_build_hydraulic(struct robot_builder *b, const struct joint_yaml *given,
                                       struct robot_joint *joint);
 
-/* Builds a hydraulic drive of the catalogue. It has no triangle keys. */
+/* Builds a cylinder. Each parameter comes from the drive, else from the robot. joint: name of the
+ * joint; NULL for a drive of the catalogue, which has no triangle. */
 enum error_code robot_build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
-                                     struct robot_hydraulic *cylinder);
+                                     const char *joint, struct robot_hydraulic *cylinder);
 
 /* Returns whether a key belongs to the triangle of a hydraulic joint. */
 bool robot_key_is_of_triangle(const char *key);

@@ -68,10 +68,8 @@ static enum error_code refuse_mixed_keys(struct robot_builder *b, const struct d
 
 /* ---- merging ---- */
 
-/* Merges change into drive. Values of change, and their places in the file, replace values of
- * drive. */
-static enum error_code merge_drive(struct robot_builder *b, const struct drive_yaml *change,
-                                   struct drive_yaml *drive)
+enum error_code robot_merge_drive(struct robot_builder *b, const struct drive_yaml *change,
+                                  struct drive_yaml *drive)
 {
     const struct yaml_key *const from[] = {change->mark.keys, drive->mark.keys};
     struct yaml_key *keys, *at;
@@ -97,13 +95,6 @@ static enum error_code merge_drive(struct robot_builder *b, const struct drive_y
     return ERROR_NONE;
 }
 
-enum error_code robot_merge_own_drive(struct robot_builder *b, const struct drive_yaml *own,
-                                      const struct drive_yaml *given, struct drive_yaml *merged)
-{
-    *merged = *own;
-    return merge_drive(b, given, merged);
-}
-
 enum error_code robot_change_drive(struct robot_builder *b, struct drive_yaml *change)
 {
     const enum drive_kind own = robot_drive_kind(&b->file.drive);
@@ -112,7 +103,7 @@ enum error_code robot_change_drive(struct robot_builder *b, struct drive_yaml *c
     if (!code) {
         code = refuse_other_kind(b, change, own, "the robot's own drive");
     }
-    return code ? code : merge_drive(b, change, &b->file.drive);
+    return code ? code : robot_merge_drive(b, change, &b->file.drive);
 }
 
 enum error_code robot_check_own_drives(struct robot_builder *b)
@@ -252,7 +243,7 @@ enum error_code robot_take_drive(struct robot_builder *b, struct drive_yaml *dri
     /* Values beside the file's name replace the values in the file */
     taken = file.drive;
     taken.file = drive->file;
-    code = merge_drive(b, drive, &taken);
+    code = robot_merge_drive(b, drive, &taken);
     *drive = taken;
     return code;
 }
@@ -404,8 +395,8 @@ static enum error_code build_effects(struct robot_builder *b, const struct drive
 static enum error_code build_electric(struct robot_builder *b, const struct joint_yaml *given,
                                       struct robot_sea *sea)
 {
-    struct drive_yaml drive;
-    enum error_code code = robot_merge_own_drive(b, &b->file.drive, &given->drive, &drive);
+    struct drive_yaml drive = b->file.drive;
+    enum error_code code = robot_merge_drive(b, &given->drive, &drive);
     size_t count;
     const struct yaml_field *row = robot_drive_rows(DRIVE_ELECTRIC, &count);
 
@@ -491,7 +482,7 @@ enum error_code robot_load_drive(const char *path, struct arena *arena,
     joint.drive = file.drive;
     *drive = made;
     return robot_drive_kind(&file.drive) == DRIVE_HYDRAULIC
-               ? robot_build_cylinder(&b, &file.drive, &made->hydraulic)
+               ? robot_build_cylinder(&b, &file.drive, NULL, &made->hydraulic)
                : build_electric(&b, &joint, &made->sea);
 }
 

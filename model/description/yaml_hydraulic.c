@@ -21,15 +21,13 @@ bool robot_key_is_of_triangle(const char *key)
            strcmp(key, "offset_rad") == 0 || strcmp(key, "closed_m") == 0;
 }
 
-/* Builds a cylinder. Each parameter comes from the joint, else from the robot. name: name of the
- * joint; NULL for a drive of the catalogue, which has no triangle. */
-static enum error_code build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
-                                      const char *joint, struct robot_hydraulic *cylinder)
+enum error_code robot_build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
+                                     const char *joint, struct robot_hydraulic *cylinder)
 {
     const struct drive_yaml *own =
         robot_drive_kind(&b->file.drive) == DRIVE_HYDRAULIC ? &b->file.drive : &b->file.hydraulic;
-    struct drive_yaml merged;
-    enum error_code code = robot_merge_own_drive(b, own, drive, &merged);
+    struct drive_yaml merged = *own;
+    enum error_code code = robot_merge_drive(b, drive, &merged);
     size_t count;
     const struct yaml_field *row = robot_drive_rows(DRIVE_HYDRAULIC, &count);
 
@@ -70,12 +68,6 @@ static enum error_code build_cylinder(struct robot_builder *b, const struct driv
     return code;
 }
 
-enum error_code robot_build_cylinder(struct robot_builder *b, const struct drive_yaml *drive,
-                                     struct robot_hydraulic *cylinder)
-{
-    return build_cylinder(b, drive, NULL, cylinder);
-}
-
 enum error_code robot_build_hydraulic(struct robot_builder *b, const struct joint_yaml *given,
                                       struct robot_joint *joint)
 {
@@ -89,7 +81,7 @@ enum error_code robot_build_hydraulic(struct robot_builder *b, const struct join
                           "\"hydraulic_supply\", expected both",
                           given->joint.name);
     }
-    code = build_cylinder(b, &given->drive, given->joint.name, &joint->hydraulic);
+    code = robot_build_cylinder(b, &given->drive, given->joint.name, &joint->hydraulic);
     if (code) {
         return code;
     }

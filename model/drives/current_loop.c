@@ -41,15 +41,6 @@ double loop_filtered(const struct current_loop *loop, double t)
     return find_filtered(loop, t, &integral);
 }
 
-double loop_mean(const struct current_loop *loop, double t, double h)
-{
-    double before, after;
-
-    find_filtered(loop, t, &before);
-    find_filtered(loop, t + h, &after);
-    return (after - before) / h;
-}
-
 double loop_target(const struct current_loop *loop, double t, double qm, double qmd, double *whole)
 {
     const struct loop_command *law = loop_command_at(loop, t);
@@ -232,8 +223,11 @@ static const struct loop_command *end_command(const struct loop_step *step)
 static double end_target(const struct loop_step *step, double v)
 {
     const struct loop_command *law = end_command(step);
+    double before, after;
 
-    return loop_mean(step->loop, step->t, step->length) +
+    find_filtered(step->loop, step->t, &before);
+    find_filtered(step->loop, step->t + step->length, &after);
+    return (after - before) / step->length +
            law->stiffness * (law->position - step->qm - step->h * v) +
            law->damping * (law->speed - v);
 }

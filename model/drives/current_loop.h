@@ -54,9 +54,8 @@ static inline const struct loop_command *loop_command_at(const struct current_lo
     return &loop->command[t >= loop->switch_s];
 }
 
-/* Return f at t, and the mean of f over the h seconds from t on. */
+/* Returns f at t. */
 double loop_filtered(const struct current_loop *loop, double t);
-double loop_mean(const struct current_loop *loop, double t, double h);
 
 /* Returns I* at t, within the limit. *whole receives the value without the limit; it may be NULL.
  * */

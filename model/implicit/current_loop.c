@@ -12,7 +12,7 @@
 
 void implicit_switch_loop(struct plant *plant, size_t d)
 {
-    implicit_forget_lane(plant, d);
+    plant->implicit->lane_bridge[d] = BRIDGE_UNKNOWN;
     memset(&plant->implicit->loop_flows[d], 0, sizeof plant->implicit->loop_flows[d]);
 }
 

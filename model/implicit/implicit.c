@@ -386,12 +386,6 @@ void implicit_restart(struct plant *plant)
 
 /* ---- memory ---- */
 
-#define TAKE(pointer, count)                                                                       \
-    do {                                                                                           \
-        (pointer) = arena_alloc(arena, (count), sizeof *(pointer));                                \
-        ok = ok && (pointer);                                                                      \
-    } while (0)
-
 struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
 {
     const struct robot *robot = plant->config.robot;

@@ -12,9 +12,6 @@
 
 #include <math.h>
 
-/* Bridge state of a lane that must be filled; no drive has it. */
-enum { BRIDGE_UNKNOWN = -1 };
-
 /* ---- constants of a step ---- */
 
 /* Fills a drive's lane: parameters, flows, and the inertia that the drive adds to the joint. The
@@ -50,11 +47,6 @@ static void fill_lane(const struct plant *plant, size_t d, int lane, struct driv
                                       sea->Ds * (stage->qmd[FLOW_RATE] - 1.0)) *
                                     stage_h;
     }
-}
-
-void implicit_forget_lane(struct plant *plant, size_t d)
-{
-    plant->implicit->lane_bridge[d] = BRIDGE_UNKNOWN;
 }
 
 void implicit_hold_lanes(struct plant *plant)

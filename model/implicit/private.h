@@ -324,10 +324,12 @@ void implicit_account_joints(struct plant *plant, double weight, const double *s
 
 /* ---- drives side by side: lanes.c ---- */
 
-/* implicit_hold_lanes loads the voltages and bridge states of a step into the lanes.
- * implicit_forget_lane discards the lane of a drive whose parameters have changed. */
+/* Bridge state of a lane that must be filled, because the drive's parameters have changed; no drive
+ * has it. */
+enum { BRIDGE_UNKNOWN = -1 };
+
+/* Loads the voltages and bridge states of a step into the lanes. */
 void implicit_hold_lanes(struct plant *plant);
-void implicit_forget_lane(struct plant *plant, size_t d);
 
 /* All drives: linearizes them into torque and extra of their joints, or advances them through a
  * span with the joints at the given rates (njoint). */

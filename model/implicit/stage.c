@@ -21,12 +21,6 @@ static size_t free_rate(const struct plant *plant, size_t b, enum free_accelerat
     return plant->config.robot->nv + FREE_ACCELERATIONS * b + (size_t)part;
 }
 
-/* Returns the index of a part of a free body's state. */
-static size_t free_state(const struct plant *plant, size_t b, enum plant_free_part part)
-{
-    return plant->at.free + PLANT_FREE_STATE * b + (size_t)part;
-}
-
 void implicit_get_rates(const struct plant *plant, const double *state, double *u)
 {
     const double *v = state + plant->at.v;
@@ -40,9 +34,8 @@ void implicit_get_rates(const struct plant *plant, const double *state, double *
     }
     for (size_t b = 0; b < plant->config.nfree; b++) {
         memcpy(u + free_rate(plant, b, FREE_LINEAR),
-               state + free_state(plant, b, PLANT_FREE_VELOCITY), 3 * sizeof *u);
-        memcpy(u + free_rate(plant, b, FREE_ANGULAR), state + free_state(plant, b, PLANT_FREE_SPIN),
-               3 * sizeof *u);
+               state + plant_free_offset(plant, b, PLANT_FREE_VELOCITY),
+               FREE_ACCELERATIONS * sizeof *u);
     }
 }
 
@@ -58,10 +51,8 @@ void implicit_set_rates(const struct plant *plant, const double *u, double *stat
         mat3_apply_transposed(R, u + BASE_V_LINEAR, v + BASE_V_LINEAR);
     }
     for (size_t b = 0; b < plant->config.nfree; b++) {
-        memcpy(state + free_state(plant, b, PLANT_FREE_VELOCITY),
-               u + free_rate(plant, b, FREE_LINEAR), 3 * sizeof *u);
-        memcpy(state + free_state(plant, b, PLANT_FREE_SPIN), u + free_rate(plant, b, FREE_ANGULAR),
-               3 * sizeof *u);
+        memcpy(state + plant_free_offset(plant, b, PLANT_FREE_VELOCITY),
+               u + free_rate(plant, b, FREE_LINEAR), FREE_ACCELERATIONS * sizeof *u);
     }
 }
 
@@ -95,9 +86,9 @@ void implicit_move(const struct plant *plant, const double *u, double h, double 
     add_scaled(h, u + robot->nv - robot->njoint, state + robot->nq - robot->njoint, robot->njoint);
     for (size_t b = 0; b < plant->config.nfree; b++) {
         add_scaled(h, u + free_rate(plant, b, FREE_LINEAR),
-                   state + free_state(plant, b, PLANT_FREE_POSITION), 3);
+                   state + plant_free_offset(plant, b, PLANT_FREE_POSITION), 3);
         turn_quaternion_in_body(u + free_rate(plant, b, FREE_ANGULAR), h,
-                                state + free_state(plant, b, PLANT_FREE_QUATERNION));
+                                state + plant_free_offset(plant, b, PLANT_FREE_QUATERNION));
     }
 }
 
@@ -177,7 +168,7 @@ enum error_code implicit_solve_stage(struct plant *plant)
         double *linear = im->a_point + free_rate(plant, b, FREE_LINEAR);
         const double world[3] = {linear[0], linear[1], linear[2]};
 
-        mat3_from_quaternion(im->point + free_state(plant, b, PLANT_FREE_QUATERNION), R);
+        mat3_from_quaternion(im->point + plant_free_offset(plant, b, PLANT_FREE_QUATERNION), R);
         mat3_apply_transposed(R, world, linear);
     }
 

@@ -35,9 +35,7 @@ static void base_drift(struct derive *d, expr drift[3])
         derive_base_input(d, DERIVE_V, BASE_V_LINEAR, v);
         derive_base_input(d, DERIVE_V, BASE_V_ANGULAR, w);
         for (int m = 0; m < 3; m++) {
-            for (int n = 0; n < 3; n++) {
-                column[n] = R[n][m];
-            }
+            derive_column_of(R, m, column);
             drift[m] = derive_dot(d, column, gravity);
         }
         derive_add_cross(d, drift, v, w);

@@ -143,12 +143,6 @@ void derive_turn_up(struct derive *d, int k, expr c, expr s, expr x[3])
     x[j] = add(d, mul(d, s, xi), mul(d, c, xj));
 }
 
-/* Applies the inverse of derive_turn_up. */
-static void derive_turn_down(struct derive *d, int k, expr c, expr s, expr x[3])
-{
-    derive_turn_up(d, k, c, expr_neg(s), x);
-}
-
 expr derive_turn_const(struct derive *d, size_t group, int n, bool sine)
 {
     return derive_body_const(d, group,
@@ -161,11 +155,11 @@ void derive_vector_down(struct derive *d, size_t group, expr x[3])
     const struct tree_body *body = derive_first_body(d, group);
 
     for (int n = 0; n < body->nturn; n++) {
-        derive_turn_down(d, body->turn[n].axis, derive_turn_const(d, group, n, false),
-                         derive_turn_const(d, group, n, true), x);
+        derive_turn_up(d, body->turn[n].axis, derive_turn_const(d, group, n, false),
+                       expr_neg(derive_turn_const(d, group, n, true)), x);
     }
     if (!body->prismatic) {
-        derive_turn_down(d, body->axis, d->state[group].c, d->state[group].s, x);
+        derive_turn_up(d, body->axis, d->state[group].c, expr_neg(d->state[group].s), x);
     }
 }
 

@@ -57,7 +57,7 @@ static inline expr add(struct derive *d, expr a, expr b)
 
 static inline expr sub(struct derive *d, expr a, expr b)
 {
-    return graph_sub(d->g, a, b);
+    return graph_add(d->g, a, expr_neg(b));
 }
 
 static inline expr mul(struct derive *d, expr a, expr b)

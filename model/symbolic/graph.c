@@ -275,11 +275,6 @@ expr graph_add(struct graph *graph, expr a, expr b)
     return intern_binary(graph, GRAPH_SUB, a & ~1U, b & ~1U) ^ (a & 1U);
 }
 
-expr graph_sub(struct graph *graph, expr a, expr b)
-{
-    return graph_add(graph, a, expr_neg(b));
-}
-
 expr graph_mul(struct graph *graph, expr a, expr b)
 {
     uint32_t sign = (a ^ b) & 1U;

@@ -87,7 +87,6 @@ expr graph_const_lanes(struct graph *graph, int width, const double *value);
 expr graph_input(struct graph *graph, int array, int width, const int *index);
 
 expr graph_add(struct graph *graph, expr a, expr b);
-expr graph_sub(struct graph *graph, expr a, expr b);
 expr graph_mul(struct graph *graph, expr a, expr b);
 expr graph_invert(struct graph *graph, expr a);
 expr graph_sin(struct graph *graph, expr a);

@@ -23,15 +23,10 @@ struct generated {
     double *pose;
 };
 
-static const struct generated *generated_of(const struct dynamics *d)
-{
-    return d->work;
-}
-
 static void generated_forward(const struct dynamics *d, const double *q, const double *v,
                               const double *tau, const struct wrench *ext, double *vdot)
 {
-    const struct generated *g = generated_of(d);
+    const struct generated *g = d->work;
 
     g->module->forward(g->inertia, q, v, tau, (const double *)ext, vdot);
 }
@@ -40,7 +35,7 @@ static void generated_implicit(const struct dynamics *d, const double *q, const 
                                const double *tau, const struct wrench *ext, const double *extra,
                                const struct added_inertia *added, double *vdot)
 {
-    const struct generated *g = generated_of(d);
+    const struct generated *g = d->work;
 
     g->module->implicit(g->inertia, q, v, tau, ext->force, extra, added->A, vdot);
 }
@@ -48,7 +43,7 @@ static void generated_implicit(const struct dynamics *d, const double *q, const 
 static void generated_inverse(const struct dynamics *d, const double *q, const double *v,
                               const double *vdot, const struct wrench *ext, double *f)
 {
-    const struct generated *g = generated_of(d);
+    const struct generated *g = d->work;
 
     g->module->inverse(g->inertia, q, v, vdot, (const double *)ext, f);
 }
@@ -56,7 +51,7 @@ static void generated_inverse(const struct dynamics *d, const double *q, const d
 static void generated_kinematics(const struct dynamics *d, const double *q, const double *v,
                                  struct body_motion *motion)
 {
-    const struct generated *g = generated_of(d);
+    const struct generated *g = d->work;
 
     g->module->kinematics(q, v, g->pose, (double *)motion);
 }
@@ -64,7 +59,7 @@ static void generated_kinematics(const struct dynamics *d, const double *q, cons
 static void generated_velocities(const struct dynamics *d, const double *q, const double *v,
                                  struct body_motion *motion)
 {
-    const struct generated *g = generated_of(d);
+    const struct generated *g = d->work;
 
     (void)q;
     g->module->velocities(v, g->pose, (double *)motion);
@@ -73,7 +68,7 @@ static void generated_velocities(const struct dynamics *d, const double *q, cons
 static void generated_acceleration(const struct dynamics *d, const double *q, const double *v,
                                    const double *vdot, struct body_acceleration *acceleration)
 {
-    const struct generated *g = generated_of(d);
+    const struct generated *g = d->work;
 
     (void)q;
     g->module->acceleration(v, vdot, g->pose, (double *)acceleration);
@@ -82,7 +77,7 @@ static void generated_acceleration(const struct dynamics *d, const double *q, co
 static void generated_energy(const struct dynamics *d, const double *q, const double *v,
                              double *kinetic, double *potential)
 {
-    const struct generated *g = generated_of(d);
+    const struct generated *g = d->work;
     double energy[2];
 
     g->module->energy(g->inertia, q, v, energy);

@@ -52,7 +52,7 @@ static void bench_step(struct bench *bench, int k, double h, double *y)
 {
     double lost[STATES] = {0.0}, scratch[5 * STATES];
 
-    assert_true(integrator_rk4_scratch(STATES) <= sizeof scratch / sizeof scratch[0]);
+    assert_true(RK4_SCRATCH * STATES <= sizeof scratch / sizeof scratch[0]);
     integrator_rk4(bench_derivative, bench, k * h, h, STATES, y, lost, scratch);
 }
 

@@ -34,7 +34,7 @@ TEST_ON(body_starts_where_it_is_put, free_rig, rig)
                                             .v = {0.1, 0.2, -0.3},
                                             .w = {1.0, -2.0, 3.0}};
     free_rig_start(rig);
-    motion = plant_free_motion(rig->plant);
+    motion = plant_motion(rig->plant) + rig->toy.robot.nbody;
     plant_free_pose(rig->plant, 1, pose);
     mat3_from_quaternion(rig->body[1].quaternion, R);
     for (int i = 0; i < 3; i++) {
@@ -255,7 +255,7 @@ TEST_ON(rests_on_the_ground_with_its_weight, free_rig, rig)
     plant_clamp(rig->plant, true);
     step(rig, 20000);
     wrench = &plant_contact_wrenches(rig->plant)[2];
-    depth = 0.075 - plant_free_motion(rig->plant)[0].p[2];
+    depth = 0.075 - plant_motion(rig->plant)[rig->toy.robot.nbody].p[2];
     print_message("# %.9f N, %.6f mm deep\n", wrench->force[2], 1e3 * depth);
     assert_near(wrench->force[2], 14.715, 1e-6);
     assert_near(depth, 14.715 / (4.0 * rig->ground.k), 1e-9);

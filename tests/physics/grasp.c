@@ -148,7 +148,7 @@ static void observe(const struct scene *scene, struct sample *sample)
     }
     sample->elbow = motor[elbow].q;
     sample->elbow_motor = motor[elbow].qm;
-    memcpy(sample->box, plant_free_motion(scene->plant)[0].p, sizeof sample->box);
+    memcpy(sample->box, plant_motion(scene->plant)[scene->robot->nbody].p, sizeof sample->box);
     sample->wrist_z = wrist_height(scene);
     for (size_t i = 0; i < count; i++) {
         const char *on = contact->surface[contact->pair[patch[i].pair].b].name;

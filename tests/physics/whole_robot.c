@@ -153,8 +153,8 @@ static void remember(struct run *run, struct instant *now)
         add_body(&robot->body[b].inertia, &run->motion[b], robot->gravity, &now->robot);
     }
     for (size_t b = 0; b < rig->nfree; b++) {
-        add_body(&rig->free[b].inertia, &plant_free_motion(run->scene.plant)[b], robot->gravity,
-                 &now->box);
+        add_body(&rig->free[b].inertia, &plant_motion(run->scene.plant)[robot->nbody + b],
+                 robot->gravity, &now->box);
     }
     for (size_t c = 0; c < rig->contact.nbody; c++) {
         const struct contact_wrench *wrench = &plant_contact_wrenches(run->scene.plant)[c];
@@ -163,8 +163,8 @@ static void remember(struct run *run, struct instant *now)
         if (body < robot->nbody) {
             add_contact(wrench, run->motion[body].p, now->robot_force, now->robot_moment);
         } else {
-            add_contact(wrench, plant_free_motion(run->scene.plant)[body - robot->nbody].p,
-                        now->box_force, now->box_moment);
+            add_contact(wrench, plant_motion(run->scene.plant)[body].p, now->box_force,
+                        now->box_moment);
         }
     }
     assert_true(robot->nft <= SENSORS);

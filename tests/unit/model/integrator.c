@@ -22,7 +22,7 @@ static double mixed_error(int steps)
     double lost[4] = {0.0}, scratch[20], worst = 0.0;
     const double exact[4] = {exp(sin(end)), 1.0 / (1.0 + end), sin(end), cos(end)};
 
-    assert_true(integrator_rk4_scratch(4) <= sizeof scratch / sizeof scratch[0]);
+    assert_true(RK4_SCRATCH * 4 <= sizeof scratch / sizeof scratch[0]);
     for (int k = 0; k < steps; k++) {
         integrator_rk4(mixed_problem, NULL, k * h, h, 4, y, lost, scratch);
     }
@@ -89,7 +89,7 @@ TEST(rk4_stays_within_its_scratch)
 {
     enum { ROOM = 64 };
     double y[4] = {1.0, 1.0, 0.0, 1.0}, lost[4] = {0.0}, scratch[ROOM];
-    size_t need = integrator_rk4_scratch(4);
+    size_t need = RK4_SCRATCH * 4;
 
     assert_true(need < ROOM);
     for (size_t i = 0; i < ROOM; i++) {
