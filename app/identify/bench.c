@@ -39,8 +39,7 @@ static const struct yaml_field column_fields[] = {
     {"voltage_before", YAML_BOOL, false, .offset = offsetof(struct bench_columns, voltage_before)},
     YAML_NUMBER("command_at", false, bench_columns, command_at, 0.0, 1.0),
 };
-static const struct yaml_schema column_schema =
-    YAML_SCHEMA("the columns of a recording", struct bench_columns, column_fields);
+YAML_TABLE(column, "the columns of a recording", bench_columns);
 
 const struct signal_kind signal_kinds[SIGNALS] = {
     [SIGNAL_POSITION] = {"position", "rad"},
@@ -60,8 +59,7 @@ static const struct yaml_field sigma_fields[] = {
     YAML_NUMBER("current", false, bench_sigmas, signal[SIGNAL_CURRENT], DBL_MIN, 1e6),
     YAML_NUMBER("temperature", false, bench_sigmas, signal[SIGNAL_TEMPERATURE], DBL_MIN, 1e6),
 };
-static const struct yaml_schema sigma_schema =
-    YAML_SCHEMA("the noise of the signals", struct bench_sigmas, sigma_fields);
+YAML_TABLE(sigma, "the noise of the signals", bench_sigmas);
 
 static const struct yaml_field law_fields[] = {
     YAML_NUMBER("duty_per_rad", false, bench_law, duty_per_rad, 1e-9, 1e6),
@@ -79,8 +77,7 @@ static const struct bench_law law_defaults = {.duty_max = 1.0,
                                               .torque_gain = 1.0,
                                               .torque_limit_nm = INFINITY,
                                               .torque_feed_forward = 1.0};
-static const struct yaml_schema law_schema =
-    YAML_SCHEMA("the law of a servo", struct bench_law, law_fields, .defaults = &law_defaults);
+YAML_TABLE(law, "the law of a servo", bench_law, .defaults = &law_defaults);
 
 static const struct yaml_field free_fields[] = {
     YAML_TEXT("key", true, bench_free, key, 1, 1000),
@@ -92,16 +89,14 @@ static const struct yaml_field free_fields[] = {
     YAML_NUMBER("sigma", false, bench_free, sigma, -1e9, 1e9),
 };
 static const struct bench_free free_defaults = {.start = NAN, .lower = NAN, .upper = NAN};
-static const struct yaml_schema free_schema = YAML_SCHEMA(
-    "a free number", struct bench_free, free_fields, .alone = "key", .defaults = &free_defaults);
+YAML_TABLE(free, "a free number", bench_free, .alone = "key", .defaults = &free_defaults);
 
 static const struct yaml_field group_number_fields[] = {
     YAML_TEXT("group", true, group_number, group, 1, 1000),
     YAML_TEXT("key", true, group_number, key, 1, 1000),
     YAML_NUMBER("value", true, group_number, value, -1e9, 1e9),
 };
-static const struct yaml_schema group_number_schema =
-    YAML_SCHEMA("a number of a group of recordings", struct group_number, group_number_fields);
+YAML_TABLE(group_number, "a number of a group of recordings", group_number);
 
 static const struct word zero_words[] = {{"mean", ZERO_MEAN}, {"start", ZERO_START}, {NULL, 0}};
 
@@ -114,8 +109,7 @@ static const struct yaml_field recording_fields[] = {
     {"judge", YAML_BOOL, false, .offset = offsetof(struct bench_recording, judge)},
 };
 static const struct bench_recording recording_defaults = {.group = ""};
-static const struct yaml_schema recording_schema = YAML_SCHEMA(
-    "a recording", struct bench_recording, recording_fields, .defaults = &recording_defaults);
+YAML_TABLE(recording, "a recording", bench_recording, .defaults = &recording_defaults);
 
 const struct word point_words[] = {{"voltage_v", POINT_VOLTAGE},
                                    {"current_a", POINT_CURRENT},
@@ -137,23 +131,20 @@ static const struct yaml_field point_fields[] = {
     YAML_NUMBER("value", true, bench_point, value, DBL_MIN, 1e6),
 };
 static const struct bench_point point_defaults = {.known = {NAN, NAN, NAN, NAN, NAN, NAN}};
-static const struct yaml_schema point_schema =
-    YAML_SCHEMA("a point", struct bench_point, point_fields, .defaults = &point_defaults);
+YAML_TABLE(point, "a point", bench_point, .defaults = &point_defaults);
 
 static const struct yaml_field published_fields[] = {
     YAML_TEXT("what", true, bench_published, what, 1, 1000),
     YAML_NUMBER("error_rad", false, bench_published, error[0], 0.0, 10.0),
     YAML_NUMBER("error_share", false, bench_published, error[1], 0.0, 10.0),
 };
-static const struct yaml_schema published_schema =
-    YAML_SCHEMA("a published error", struct bench_published, published_fields);
+YAML_TABLE(published, "a published error", bench_published);
 
 static const struct yaml_field joint_fields[] = {
     YAML_TEXT("joint", true, bench_joint, joint, 1, 1000),
     YAML_TEXT("drive", false, bench_joint, drive, 1, 1000),
 };
-static const struct yaml_schema joint_schema =
-    YAML_SCHEMA("a joint to identify", struct bench_joint, joint_fields, .alone = "joint");
+YAML_TABLE(joint, "a joint to identify", bench_joint, .alone = "joint");
 
 static const struct yaml_field limit_fields[] = {
     {"what", YAML_ENUM, true, .offset = offsetof(struct bench_limit, what), .names = limit_words},
@@ -162,8 +153,7 @@ static const struct yaml_field limit_fields[] = {
     YAML_NUMBER("wanted_percent", false, bench_limit, wanted_percent, 0.0, 1e6),
 };
 static const struct bench_limit limit_defaults = {.wanted_percent = NAN};
-static const struct yaml_schema limit_schema =
-    YAML_SCHEMA("a limit", struct bench_limit, limit_fields, .defaults = &limit_defaults);
+YAML_TABLE(limit, "a limit", bench_limit, .defaults = &limit_defaults);
 
 static const struct word output_words[] = {
     {"free", OUTPUT_FREE}, {"locked", OUTPUT_LOCKED}, {"inertia", OUTPUT_INERTIA}, {NULL, 0}};
@@ -199,15 +189,16 @@ static const struct yaml_field bench_fields[] = {
     YAML_ENTRIES("points", YAML_LIST, false, bench, point, npoint, point_schema),
     YAML_ENTRIES("published", YAML_LIST, false, bench, published, npublished, published_schema),
 };
-static const struct yaml_schema bench_schema =
-    YAML_SCHEMA("a measured bench", struct bench, bench_fields);
+YAML_TABLE(bench, "a measured bench", bench);
 
-/* Finds a parameter by its key, and checks a value of it. Errors have the place in the file. */
-static enum error_code find_number(const struct yaml_mark *mark, const char *key, double value,
-                                   int *parameter, struct error *error)
+/* Checks the key and a value of a parameter. Errors have the place in the file. */
+static enum error_code check_number(const struct yaml_mark *mark, const char *key, double value,
+                                    struct error *error)
 {
-    return parameter_check(key, parameter, error) ||
-                   robot_check_number(parameters[*parameter].key, value, error)
+    int parameter;
+
+    return parameter_check(key, &parameter, error) ||
+                   robot_check_number(parameters[parameter].key, value, error)
                ? error_prefix(error, "%s:%d:%d", mark->file, mark->line, mark->column)
                : ERROR_NONE;
 }
@@ -338,7 +329,7 @@ static enum error_code check_group(const struct bench *bench, const struct yaml_
 }
 
 /* Checks the conditions that the schema cannot express. */
-static enum error_code check_bench(struct bench *bench, struct error *error)
+static enum error_code check_bench(const struct bench *bench, struct error *error)
 {
     enum error_code code =
         bench->npoint > 0 ? check_points(bench, error) : check_recordings(bench, error);
@@ -351,17 +342,16 @@ static enum error_code check_bench(struct bench *bench, struct error *error)
                           "found more than %d free numbers, expected fewer", IDENTIFY_FREE_MAX);
     }
     for (size_t i = 0; i < bench->nnumber; i++) {
-        int parameter;
+        const struct yaml_real_entry *one = &bench->number[i];
 
-        if (find_number(&bench->number[i].mark, bench->number[i].name, bench->number[i].value,
-                        &parameter, error)) {
+        if (check_number(&one->mark, one->name, one->value, error)) {
             return ERROR_INPUT;
         }
     }
     for (size_t i = 0; i < bench->ngroup_number; i++) {
-        struct group_number *one = &bench->group_number[i];
+        const struct group_number *one = &bench->group_number[i];
 
-        if (find_number(&one->mark, one->key, one->value, &one->parameter, error) ||
+        if (check_number(&one->mark, one->key, one->value, error) ||
             check_group(bench, &one->mark, one->group, false, error)) {
             return ERROR_INPUT;
         }
@@ -376,11 +366,11 @@ static enum error_code check_bench(struct bench *bench, struct error *error)
         }
     }
     for (size_t i = 0; i < bench->nfree; i++) {
-        struct bench_free *one = &bench->free[i];
+        const struct bench_free *one = &bench->free[i];
 
-        if (find_number(&one->mark, one->key, one->start, &one->parameter, error) ||
-            find_number(&one->mark, one->key, one->lower, &one->parameter, error) ||
-            find_number(&one->mark, one->key, one->upper, &one->parameter, error) ||
+        if (check_number(&one->mark, one->key, one->start, error) ||
+            check_number(&one->mark, one->key, one->lower, error) ||
+            check_number(&one->mark, one->key, one->upper, error) ||
             check_group(bench, &one->mark, one->group, false, error)) {
             return ERROR_INPUT;
         }

@@ -50,7 +50,6 @@ struct fit {
     size_t nrow;       /* number of residuals of recordings */
     size_t m;          /* number of residuals, priors included */
     enum signal judge; /* first measured signal; residuals have its unit */
-    size_t nsignal;    /* number of measured signals */
     double guide;      /* of all simulations */
     double level;      /* error of one independent measurement, which scales the priors */
     double weight[SIGNALS];
@@ -561,7 +560,6 @@ enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *
     for (size_t s = SIGNALS; s-- > 0;) {
         fit.weight[s] = 1.0;
         fit.judge = measured[s] ? (enum signal)s : fit.judge;
-        fit.nsignal += measured[s];
     }
     fit.m = fit.nrow;
     for (size_t i = 0; i < problem->nfree; i++) {
@@ -587,24 +585,13 @@ enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *
 
 /* ---- preparing ---- */
 
-/* Completes a free parameter by defaults that depend on the drive. */
-static void prepare_free(const struct identify_bench *bench, struct bench_free *free)
-{
-    double lower, upper;
-
-    parameter_bounds(&bench->trial, free->parameter, bench->supply_v, &lower, &upper);
-    free->start = yaml_has(&free->mark, "start") ? free->start
-                                                 : parameter_get(&bench->trial, free->parameter);
-    free->lower = yaml_has(&free->mark, "lower") ? free->lower : lower;
-    free->upper = yaml_has(&free->mark, "upper") ? free->upper : upper;
-}
-
-/* Adds a free parameter, unless the problem has it. */
+/* Adds a free parameter, unless the problem has it. Its defaults depend on the drive. */
 static enum error_code add_free(struct fit_problem *problem, const struct bench_free *given,
                                 int parameter, struct error *error)
 {
     const struct trial_robot *trial = &problem->bench->trial;
     struct bench_free *one = &problem->free[problem->nfree];
+    double lower, upper;
 
     for (size_t k = 0; k < problem->nfree; k++) {
         if (problem->free[k].parameter == parameter &&
@@ -623,7 +610,10 @@ static enum error_code add_free(struct fit_problem *problem, const struct bench_
     snprintf(one->name, sizeof one->name, "%.40s%s%s",
              trial->njoint > 1 ? trial->joint[parameter / parameter_count].name : "",
              trial->njoint > 1 ? "." : "", parameter_of(parameter)->key);
-    prepare_free(problem->bench, one);
+    parameter_bounds(trial, parameter, problem->bench->supply_v, &lower, &upper);
+    one->start = yaml_has(&one->mark, "start") ? one->start : parameter_get(trial, parameter);
+    one->lower = yaml_has(&one->mark, "lower") ? one->lower : lower;
+    one->upper = yaml_has(&one->mark, "upper") ? one->upper : upper;
     problem->nfree++;
     return one->lower < one->upper
                ? ERROR_NONE

@@ -216,23 +216,13 @@ struct bench_law {
     double torque_share, torque_gain, torque_limit_nm, torque_feed_forward;
 };
 
-/* A quantity of a recording that a bench limits: the RMS error as a share of the RMS, or a quantity
- * of the response. */
-enum limit_quantity {
-    LIMIT_SHARE,
-    LIMIT_T10,
-    LIMIT_T63,
-    LIMIT_T90,
-    LIMIT_GAIN,
-    LIMIT_OVERSHOOT, /* the largest value, as a multiple of the change */
-    LIMIT_BANDWIDTH,
-    LIMIT_PEAK
-};
+/* The quantities of a recording that a bench limits, with their offsets in struct response; -1 for
+ * the RMS error as a share of the RMS. */
 extern const struct word limit_words[];
 
 struct bench_limit {
     struct yaml_mark mark;
-    int what;              /* enum limit_quantity */
+    int what;              /* the value of a limit_words */
     const char *of;        /* a group or a file of recordings; NULL = all that judge */
     double percent;        /* largest accepted error */
     double wanted_percent; /* wanted error, which may be missed; NAN = none */

@@ -103,25 +103,6 @@ static void add_second(const double *time, const double *command, const double *
     }
 }
 
-/* Finds gain, peak and bandwidth of the excited bands. */
-static void judge_bands(struct response *r)
-{
-    r->gain = r->nband > 0 ? r->magnitude[0] : (double)NAN;
-    for (size_t i = 0; i < r->nband; i++) {
-        const double limit = r->gain * M_SQRT1_2;
-
-        if (!(r->magnitude[i] <= r->peak)) {
-            r->peak = r->magnitude[i];
-            r->peak_hz = r->band[i];
-        }
-        if (isnan(r->bandwidth) && r->magnitude[i] < limit) {
-            r->bandwidth = r->band[i - 1] + (r->band[i] - r->band[i - 1]) *
-                                                (r->magnitude[i - 1] - limit) /
-                                                (r->magnitude[i - 1] - r->magnitude[i]);
-        }
-    }
-}
-
 /* Computes the response to a sweep from seconds that overlap by half. */
 static void compute_sweep(const double *time, const double *command, const double *signal,
                           size_t count, struct response *r)
@@ -143,7 +124,22 @@ static void compute_sweep(const double *time, const double *command, const doubl
             r->magnitude[r->nband++] = cabs(spectra.cross[b]) / spectra.power[b];
         }
     }
-    judge_bands(r);
+
+    /* Find gain, peak and bandwidth of the excited bands */
+    r->gain = r->nband > 0 ? r->magnitude[0] : (double)NAN;
+    for (size_t i = 0; i < r->nband; i++) {
+        const double limit = r->gain * M_SQRT1_2;
+
+        if (!(r->magnitude[i] <= r->peak)) {
+            r->peak = r->magnitude[i];
+            r->peak_hz = r->band[i];
+        }
+        if (isnan(r->bandwidth) && r->magnitude[i] < limit) {
+            r->bandwidth = r->band[i - 1] + (r->band[i] - r->band[i - 1]) *
+                                                (r->magnitude[i - 1] - limit) /
+                                                (r->magnitude[i - 1] - r->magnitude[i]);
+        }
+    }
 }
 
 void response_compute(const double *time, const double *command, const double *signal, size_t count,
@@ -151,14 +147,7 @@ void response_compute(const double *time, const double *command, const double *s
 {
     size_t change = 0, changes = 0;
 
-    *r = (struct response){.t10 = NAN,
-                           .t63 = NAN,
-                           .t90 = NAN,
-                           .overshoot = NAN,
-                           .gain = NAN,
-                           .bandwidth = NAN,
-                           .peak = NAN,
-                           .peak_hz = NAN};
+    *r = (struct response){NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, .nband = 0};
     for (size_t i = 1; i < count; i++) {
         change = command[i] != command[i - 1] && changes++ == 0 ? i : change;
     }
