@@ -25,9 +25,9 @@
 
 #define BENCH_OUT_OPTION(folder, files)                                                            \
     {                                                                                              \
-        .name = "--out", .type = OPTION_STRING, .argument = "DIR",                                 \
-        .help = "write " files " into this folder, which is made if necessary", .value = (folder), \
-        .letter = "-o"                                                                             \
+        "--out", OPTION_STRING, "DIR",                                                             \
+            "write " files " into this folder, which is made if necessary", .value = (folder),     \
+                                                                            .letter = "-o"         \
     }
 
 #define BENCH_PEERS_OPTION(path)                                                                   \
@@ -339,16 +339,17 @@ void paper_recorded_path(const struct paper *paper, const char *name, char path[
 
 /* ---- numbers from series ---- */
 
-/* Return the mean, minimum or maximum of y over the rows with from <= x < to; NAN if there is no
- * such row. */
-double paper_mean(const double *x, const double *y, size_t count, double from, double to);
-double paper_largest(const double *x, const double *y, size_t count, double from, double to);
-double paper_smallest(const double *x, const double *y, size_t count, double from, double to);
+/* Returns mean, minimum and maximum of y over the rows with from <= x < to; NAN if there is no such
+ * row. */
+struct paper_range {
+    double mean, least, most;
+};
+struct paper_range paper_over(const double *x, const double *y, size_t count, double from,
+                              double to);
 
 /* ---- the parts ---- */
 
 /* Measures Table 1 and Fig. 3, and stores the times in table. */
-struct pendulum_table;
 enum error_code paper_pendulums(struct paper *paper, struct pendulum_table *table,
                                 struct error *error);
 /* Measures Table 2 and Figs. 9 to 11. */

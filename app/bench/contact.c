@@ -44,9 +44,7 @@ static enum error_code contact_bench_create_worlds(struct bench *bench, struct e
         enum error_code code =
             contact_native_create(&s->config, &bench->arena, &r->world[NATIVE], error);
 
-        if (!code) {
-            code = contact_simbody_create(&s->config, &r->world[1], error);
-        }
+        code = code ? code : contact_simbody_create(&s->config, &r->world[1], error);
         if (code) {
             return code;
         }
@@ -110,11 +108,7 @@ static void contact_bench_print_rounds(struct bench *bench)
             force += wrench[b].force[2];
         }
         printf(" %8.1f", us[1] / us[NATIVE]);
-        if (s->target_us > 0) {
-            printf(" %8.1f", s->target_us);
-        } else {
-            printf(" %8s", "");
-        }
+        printf(s->target_us > 0 ? " %8.1f" : "         ", s->target_us);
         printf(" %8.3g\n", force);
     }
 }
@@ -125,12 +119,9 @@ static enum error_code contact_bench_run(struct bench *bench, const char *foot, 
     const struct mesh *mesh;
     enum error_code code = solid_store_read_obj(foot, &bench->arena, &mesh, error);
 
-    if (!code) {
-        code = bench_scenes_make(bench->scene, &bench->nscene, mesh, &bench->arena, error);
-    }
-    if (!code) {
-        code = contact_bench_create_worlds(bench, error);
-    }
+    code =
+        code ? code : bench_scenes_make(bench->scene, &bench->nscene, mesh, &bench->arena, error);
+    code = code ? code : contact_bench_create_worlds(bench, error);
     if (!code) {
         for (size_t round = 0; round < bench->rounds; round++) {
             for (size_t i = 0; i < bench->nscene; i++) {
@@ -157,7 +148,7 @@ static enum error_code contact_bench_run(struct bench *bench, const char *foot, 
 int bench_contact(int argc, char **argv)
 {
     static int64_t rounds = 200;
-    static const char *foot;
+    static const char *foot = "config/meshes/coman-foot-right.obj";
     static struct bench bench;
     static const struct option_spec options[] = {
         {"--rounds", OPTION_INT, "N", "interleaved rounds, 200 by default", &rounds, .min = 1,
@@ -185,10 +176,7 @@ int bench_contact(int argc, char **argv)
     /* The scenes allocate further meshes in the same arena as the foot */
     bench.rounds = (size_t)rounds;
     code = arena_init(&bench.arena, ARENA_BYTES, &error);
-    if (!code) {
-        code =
-            contact_bench_run(&bench, foot ? foot : "config/meshes/coman-foot-right.obj", &error);
-        arena_fini(&bench.arena);
-    }
+    code = code ? code : contact_bench_run(&bench, foot, &error);
+    arena_fini(&bench.arena);
     return options_end(&spec, code, &error);
 }

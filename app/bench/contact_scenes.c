@@ -24,21 +24,11 @@ static double random_number(uint64_t *seed)
     return (double)((*seed * 2685821657736338717u) >> 11) / 4503599627370496.0 - 1;
 }
 
-/* The list of scenes under construction. */
-struct scenes {
-    struct bench_scene *scene;
-    size_t count;
-    const struct mesh *foot;
-};
-
-/* Adds a scene without surfaces. target_us 0 = no target. */
-static struct bench_scene *add_scene(struct scenes *scenes, const char *name, size_t nbody,
-                                     double target_us)
+/* Begins a scene without surfaces. target_us 0 = no target. */
+static struct bench_scene *begin_scene(struct bench_scene *scene, const char *name, size_t nbody,
+                                       double target_us)
 {
-    struct bench_scene *scene = &scenes->scene[scenes->count++];
-
     *scene = (struct bench_scene){.name = name, .target_us = target_us};
-
     scene->config = (struct contact_config){.nbody = nbody,
                                             .surface = scene->surface,
                                             .pair = scene->pair,
@@ -126,16 +116,16 @@ static const struct mesh *make_terrain(struct arena *arena, int cells, struct er
     return mesh;
 }
 
-/* Adds the paper's scene: two feet on the ground, and a box on a table between the spheres of two
+/* Makes the paper's scene: two feet on the ground, and a box on a table between the spheres of two
  * wrists. */
-static void scene_add_five_bodies(struct scenes *scenes)
+static void make_five_bodies(struct bench_scene *s, const struct mesh *foot)
 {
-    struct bench_scene *s = add_scene(scenes, "five bodies of the paper", BENCH_BODIES, 6);
     const double top = 0.475;
 
+    begin_scene(s, "five bodies of the paper", BENCH_BODIES, 6);
     add_surface(s, -1, CONTACT_HALF_SPACE, &ground_material);
-    add_mesh(s, 0, scenes->foot, &foot_material);
-    add_mesh(s, 1, scenes->foot, &foot_material);
+    add_mesh(s, 0, foot, &foot_material);
+    add_mesh(s, 1, foot, &foot_material);
     add_box(s, -1, 0.2, 0.3, 0.02, 1, &box_material)->position[2] = top - 0.02;
     add_box(s, 2, 0.075, 0.075, 0.075, 7, &box_material);
     add_surface(s, 3, CONTACT_SPHERE, &box_material)->radius_m = 0.02;
@@ -156,34 +146,33 @@ enum error_code bench_scenes_make(struct bench_scene scene[BENCH_SCENES], size_t
                                   const struct mesh *foot, struct arena *arena, struct error *error)
 {
     static const int cells[] = {3, 9, 29, 91};
-    struct scenes all = {scene, 0, foot}, *scenes = &all;
-    struct bench_scene *s = add_scene(scenes, "foot on half-space", 1, 0.6);
+    struct bench_scene *next = scene, *s = begin_scene(next++, "foot on half-space", 1, 0.6);
 
     /* Scenes with one pair of surfaces; bodies penetrate by 0.5 or 1 mm */
     add_surface(s, -1, CONTACT_HALF_SPACE, &ground_material);
-    add_mesh(s, 0, scenes->foot, &foot_material);
+    add_mesh(s, 0, foot, &foot_material);
     add_pair(s, 0, 1);
     scene_place_body(s, 0, 0, 0, 0.0932 - 5e-4);
 
-    s = add_scene(scenes, "box on half-space", 1, 0);
+    s = begin_scene(next++, "box on half-space", 1, 0);
     add_surface(s, -1, CONTACT_HALF_SPACE, &box_material);
     add_box(s, 0, 0.075, 0.075, 0.075, 7, &box_material);
     add_pair(s, 0, 1);
     scene_place_body(s, 0, 0, 0, 0.075 - 5e-4);
 
-    s = add_scene(scenes, "box on table", 1, 4);
+    s = begin_scene(next++, "box on table", 1, 4);
     add_box(s, -1, 0.2, 0.3, 0.02, 1, &box_material);
     add_box(s, 0, 0.075, 0.075, 0.075, 7, &box_material);
     add_pair(s, 0, 1);
     scene_place_body(s, 0, 0.013, -0.021, 0.095 - 5e-4);
 
-    s = add_scene(scenes, "sphere on box", 1, 0.4);
+    s = begin_scene(next++, "sphere on box", 1, 0.4);
     add_box(s, -1, 0.075, 0.075, 0.075, 7, &box_material);
     add_surface(s, 0, CONTACT_SPHERE, &box_material)->radius_m = 0.02;
     add_pair(s, 0, 1);
     scene_place_body(s, 0, 0.01, -0.02, 0.095 - 1e-3);
 
-    scene_add_five_bodies(scenes);
+    make_five_bodies(next++, foot);
 
     /* The foot on terrains with an increasing number of triangles */
     for (size_t i = 0; i < ARRAY_COUNT(cells); i++) {
@@ -192,13 +181,13 @@ enum error_code bench_scenes_make(struct bench_scene scene[BENCH_SCENES], size_t
         if (!terrain) {
             return error_set(error, ERROR_MEMORY, "no memory for a terrain");
         }
-        s = add_scene(scenes, "foot on terrain", 1, i + 1 == ARRAY_COUNT(cells) ? 3 : 0);
+        s = begin_scene(next++, "foot on terrain", 1, i + 1 == ARRAY_COUNT(cells) ? 3 : 0);
         add_mesh(s, -1, terrain, &ground_material);
-        add_mesh(s, 0, scenes->foot, &foot_material);
+        add_mesh(s, 0, foot, &foot_material);
         add_pair(s, 0, 1);
         scene_place_body(s, 0, 0, 0, 0.0535 + 0.0932 - 5e-4);
     }
-    *nscene = all.count;
+    *nscene = (size_t)(next - scene);
     return ERROR_NONE;
 }
 

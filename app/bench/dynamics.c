@@ -189,9 +189,7 @@ enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *fil
         code = error_set(error, ERROR_INPUT, "%s: found %zu coordinates, expected at most %d", file,
                          whole->nq, BENCH_NUMBERS);
     }
-    if (!code) {
-        code = take_sizes(bench, whole, arena, error);
-    }
+    code = code ? code : take_sizes(bench, whole, arena, error);
 
     /* The first engine, our numeric implementation, is the reference for the differences */
     /* Lists our implementations, then those of other simulators */
@@ -257,13 +255,8 @@ int bench_dynamics(int argc, char **argv)
     static const char *file = "coman", *folder, *module;
     static int64_t rounds = 200;
     static const struct option_spec options[] = {
-        {.name = "--rounds",
-         .type = OPTION_INT,
-         .argument = "N",
-         .help = "measurements of every engine and size, 200 by default",
-         .value = &rounds,
-         .min = 1.0,
-         .max = ROUNDS_MAX},
+        {"--rounds", OPTION_INT, "N", "measurements of every engine and size, 200 by default",
+         .value = &rounds, .min = 1.0, .max = ROUNDS_MAX},
         BENCH_OUT_OPTION(&folder, "dynamics.csv and dynamics.svg"),
         BENCH_PEERS_OPTION(&module),
     };
@@ -281,7 +274,7 @@ int bench_dynamics(int argc, char **argv)
     };
     static struct dynamics_bench bench;
     struct peers_library library;
-    struct arena arena;
+    struct arena arena = {0};
     struct error error;
     enum error_code code;
     int status;
@@ -291,25 +284,14 @@ int bench_dynamics(int argc, char **argv)
     }
     bench.rounds = (size_t)rounds;
     code = bench_peers(module, "ours only", &library, &error);
-    if (code) {
-        goto end_peers;
+    code = code ? code : arena_init(&arena, DYNAMICS_ARENA_BYTES, &error);
+    code = code ? code : dynamics_bench_run(&bench, file, library.peers, &arena, &error);
+    if (!code) {
+        dynamics_bench_print_table(&bench);
+        code = folder ? write_files(&bench, folder, &error) : ERROR_NONE;
     }
-    code = arena_init(&arena, DYNAMICS_ARENA_BYTES, &error);
-    if (code) {
-        goto end_peers;
-    }
-
-    code = dynamics_bench_run(&bench, file, library.peers, &arena, &error);
-    if (code) {
-        goto end_run;
-    }
-    dynamics_bench_print_table(&bench);
-    code = folder ? write_files(&bench, folder, &error) : ERROR_NONE;
-
-end_run:
     dynamics_bench_end(&bench);
     arena_fini(&arena);
-end_peers:
     peers_close(&library);
     return options_end(&spec, code, &error);
 }

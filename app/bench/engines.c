@@ -36,19 +36,12 @@ static void bench_engine_destroy(void *memory)
     free(engine);
 }
 
-/* Makes an engine with memory for the states, but without dynamics. Returns NULL and an error if
- * this fails. */
-static struct engine *bench_engine_begin(const struct robot *robot, struct error *error)
+/* Allocates the states of an engine. */
+static enum error_code bench_engine_begin(struct engine *engine, const struct robot *robot,
+                                          struct error *error)
 {
-    struct engine *engine = calloc(1, sizeof *engine);
-
-    if (!engine) {
-        error_set(error, ERROR_MEMORY, "no memory");
-        return NULL;
-    }
     if (arena_init(&engine->arena, ARENA_BYTES, error)) {
-        free(engine);
-        return NULL;
+        return error->code;
     }
     engine->vdot = arena_alloc(&engine->arena, robot->nv, sizeof(double));
     for (size_t i = 0; i < PEER_SLOTS; i++) {
@@ -58,12 +51,10 @@ static struct engine *bench_engine_begin(const struct robot *robot, struct error
         state->v = arena_alloc(&engine->arena, robot->nv, sizeof(double));
         state->tau = arena_alloc(&engine->arena, robot->njoint + 1, sizeof(double));
         if (!engine->vdot || !state->q || !state->v || !state->tau) {
-            bench_engine_destroy(engine);
-            error_set(error, ERROR_MEMORY, "no memory for the states");
-            return NULL;
+            return error_set(error, ERROR_MEMORY, "no memory for the states");
         }
     }
-    return engine;
+    return ERROR_NONE;
 }
 
 /* Creates an engine with the numeric implementation, or with the generated code: the built-in code,
@@ -73,24 +64,25 @@ static void *bench_engine_create(const struct robot *robot, bool generated, char
 {
     static const struct symbolic_options options = {.lanes = 4};
     const struct dynamics_module *module = symbolic_builtin(robot);
-    struct error error = {0};
-    struct engine *engine = bench_engine_begin(robot, &error);
+    struct error error = {.text = "no memory"};
+    struct engine *engine = calloc(1, sizeof *engine);
+    enum error_code code = engine ? bench_engine_begin(engine, robot, &error) : ERROR_MEMORY;
 
-    if (engine && !generated) {
-        dynamics_generic(robot, &engine->arena, &engine->dynamics, &error);
-    } else if (engine &&
-               (module || !symbolic_compile(robot, &options, "-O2", &engine->library, &error))) {
+    if (!code && !generated) {
+        code = dynamics_generic(robot, &engine->arena, &engine->dynamics, &error);
+    } else if (!code && (module || !(code = symbolic_compile(robot, &options, "-O2",
+                                                             &engine->library, &error)))) {
         module = module ? module : engine->library.module;
-        dynamics_generated(robot, module, &engine->arena, &engine->dynamics, &error);
+        code = dynamics_generated(robot, module, &engine->arena, &engine->dynamics, &error);
     }
-    if (!error.code) {
-        return engine;
+    if (code) {
+        snprintf(message, size, "%s", error.text);
+        if (engine) {
+            bench_engine_destroy(engine);
+        }
+        return NULL;
     }
-    snprintf(message, size, "%s", error.text);
-    if (engine) {
-        bench_engine_destroy(engine);
-    }
-    return NULL;
+    return engine;
 }
 
 static void *bench_engine_create_generic(const struct robot *robot, char *message, size_t size)

@@ -272,28 +272,25 @@ static enum error_code latency_measure(const struct latency_boards *boards,
 /* ---- what was measured ---- */
 
 /* Prints a table of percentiles, us. */
-static void latency_print(const struct latency_result *result, const char *joint, FILE *out)
+static void latency_print(const struct latency_result *result, const char *joint)
 {
-    fprintf(out,
-            "  us            count       p50       p90       p99     p99.9       max     lost\n");
+    printf("  us            count       p50       p90       p99     p99.9       max     lost\n");
     for (int kind = 0; kind < LATENCY_KINDS; kind++) {
         if (result->of[kind].count + result->lost[kind] > 0) {
             static const double part[] = {0.5, 0.9, 0.99, 0.999};
             const struct histogram *of = &result->of[kind];
 
-            /* Print the percentiles of one kind of sample, us */
-            fprintf(out, "  %-10s %8" PRIu64, kind_name[kind], of->count);
+            printf("  %-10s %8" PRIu64, kind_name[kind], of->count);
             for (size_t i = 0; i < ARRAY_COUNT(part); i++) {
-                fprintf(out, " %9.1f", 1e-3 * (double)histogram_percentile(of, part[i]));
+                printf(" %9.1f", 1e-3 * (double)histogram_percentile(of, part[i]));
             }
-            fprintf(out, " %9.1f %8" PRIu64 "\n", 1e-3 * (double)of->max, result->lost[kind]);
+            printf(" %9.1f %8" PRIu64 "\n", 1e-3 * (double)of->max, result->lost[kind]);
         }
     }
     if (joint) {
-        fprintf(out,
-                "boards: from the command that switches the motor of %s to the first "
-                "telemetry that says so\n",
-                joint);
+        printf("boards: from the command that switches the motor of %s to the first telemetry that "
+               "says so\n",
+               joint);
     }
 }
 
@@ -323,11 +320,7 @@ static enum error_code latency_open_tap(const char *interface, bool fd,
     struct can_port *port;
     enum error_code code = socketcan_open(&config, arena, &port, error);
 
-    if (code) {
-        return code;
-    }
-    code = latency_tap_create(port, arena, tap, error);
-    if (code) {
+    if (!code && (code = latency_tap_create(port, arena, tap, error))) {
         port->ops->close(port);
     }
     return code;
@@ -356,9 +349,8 @@ static enum error_code latency_join_rig(const struct latency_command *options,
     for (; !code && boards->nbus < rig->nbus; boards->nbus++) {
         size_t b = boards->nbus;
 
-        code = latency_open_tap(buses.interface[b], rig->bus[b].fd, NULL, 0, arena, &boards->tap[b],
-                                error);
-        if (code) {
+        if ((code = latency_open_tap(buses.interface[b], rig->bus[b].fd, NULL, 0, arena,
+                                     &boards->tap[b], error))) {
             return code;
         }
         port[b] = &boards->tap[b]->port;
@@ -368,8 +360,7 @@ static enum error_code latency_join_rig(const struct latency_command *options,
     }
 
     config = rig_host_config(rig, port, false);
-    code = host_create(&config, arena, &boards->host, error);
-    if (code) {
+    if ((code = host_create(&config, arena, &boards->host, error))) {
         return code;
     }
 
@@ -414,7 +405,7 @@ static enum error_code latency_run(const struct latency_command *options, const 
         return code;
     }
     printf("latency on %s\n", interface);
-    latency_print(&result, boards ? boards->joint : NULL, stdout);
+    latency_print(&result, boards ? boards->joint : NULL);
     if (!options->folder ||
         (code = report_file_open(&file, options->folder, "latency.csv", error))) {
         return code;
@@ -512,7 +503,8 @@ int bench_latency(int argc, char **argv)
         OPERAND_TABLE(operands),
         .manual = MANUAL_LATENCY,
     };
-    struct arena arena;
+    char program[PATH_MAX];
+    struct arena arena = {0};
     struct error error;
     enum error_code code;
     int status;
@@ -526,19 +518,13 @@ int bench_latency(int argc, char **argv)
         code = error_set(&error, ERROR_INPUT,
                          "expected a RIG whose boards are on the buses, --interface IFACE or "
                          "--answers");
-        return options_end(&spec, code, &error);
-    }
-    if (o.answers) {
-        char program[PATH_MAX];
-
+    } else if (o.answers) {
         code = o.program ? ERROR_NONE : bench_find_program(program, &error);
         code =
             code ? code : bench_answers(o.program ? o.program : program, (size_t)o.count, &error);
-        return options_end(&spec, code, &error);
-    }
-    code = arena_init(&arena, ARENA_BYTES, &error);
-    if (!code) {
-        code = latency_open_and_run(&o, &arena, &error);
+    } else {
+        code = arena_init(&arena, ARENA_BYTES, &error);
+        code = code ? code : latency_open_and_run(&o, &arena, &error);
         arena_fini(&arena);
     }
     return options_end(&spec, code, &error);

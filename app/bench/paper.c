@@ -107,10 +107,9 @@ int bench_paper(int argc, char **argv)
     static const char *folder = "paper-report", *module;
     static bool quick;
     static const struct option_spec options[] = {
-        {.name = "--quick",
-         .type = OPTION_FLAG,
-         .help = "a preview in seconds: without the pendulums' step of 1e-6, one cycle of the "
-                 "squat, one run for each real-time factor, the whole robot only in Fig. 4",
+        {"--quick", OPTION_FLAG, NULL,
+         "a preview in seconds: without the pendulums' step of 1e-6, one cycle of the squat, one "
+         "run for each real-time factor, the whole robot only in Fig. 4",
          .value = &quick},
         BENCH_OUT_OPTION(&folder,
                          "index.html, the tables and figures as CSV, and the plots as SVG"),

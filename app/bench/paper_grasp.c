@@ -82,6 +82,13 @@ static enum error_code grasp_run(const struct paper *paper, const char *rig, str
     return ERROR_NONE;
 }
 
+/* Returns the range of a column between two times. */
+static struct paper_range grasp_over(const struct grasp_result *result, size_t column, double from,
+                                     double to)
+{
+    return paper_over(result->time, result->value[column], result->count, from, to);
+}
+
 /* ---- Table 2 ---- */
 
 static const struct paper_surface {
@@ -240,11 +247,10 @@ static void put_figure_9(struct report *report, const struct grasp_result *resul
 /* Compares the box's vertical force and its height with the paper. */
 static void compare_box(struct report *report, const struct grasp_result *ours)
 {
-    const double *t = ours->time, *force = ours->value[BOX_FORCE];
-    size_t n = ours->count;
-    double calm = t[0] + 0.2, low = paper_smallest(t, force, n, calm, ours->touch),
-           high = paper_largest(t, force, n, calm, ours->touch);
-    double weight = ours->box_kg * ours->gravity;
+    const double calm = ours->time[0] + 0.2, weight = ours->box_kg * ours->gravity;
+    const double held_m = ours->value[BOX_HEIGHT][ours->count - 1];
+    const struct paper_range first = grasp_over(ours, BOX_FORCE, ours->time[0], calm);
+    const struct paper_range before = grasp_over(ours, BOX_FORCE, calm, ours->touch);
 
     report_finding(
         report, true,
@@ -253,18 +259,16 @@ static void compare_box(struct report *report, const struct grasp_result *ours)
     report_finding(report, true,
                    "vertical force on the box before, N|14.715|%.4f|Between %.4f and %.4f N; "
                    "%g kg weigh %.4f N.",
-                   paper_mean(t, force, n, calm, ours->touch), low, high, ours->box_kg, weight);
+                   before.mean, before.least, before.most, ours->box_kg, weight);
     report_finding(report, false,
                    "relaxation of the box on the table|over after 0.2 s|%.3f N off at most in the "
                    "first 0.2 s, %.4f N after|run --settle starts without.",
-                   fmax(paper_largest(t, force, n, t[0], calm) - weight,
-                        weight - paper_smallest(t, force, n, t[0], calm)),
-                   fmax(high - weight, weight - low));
-    report_finding(report, true,
-                   "the box rises by, mm|\"is raised upward\"|%.1f|Held at the end: %.1f mm.",
-                   1e3 * (paper_largest(t, ours->value[BOX_HEIGHT], n, ours->touch, INFINITY) -
-                          ours->rest_height),
-                   1e3 * (ours->value[BOX_HEIGHT][n - 1] - ours->rest_height));
+                   fmax(first.most - weight, weight - first.least),
+                   fmax(before.most - weight, weight - before.least));
+    report_finding(
+        report, true, "the box rises by, mm|\"is raised upward\"|%.1f|Held at the end: %.1f mm.",
+        1e3 * (grasp_over(ours, BOX_HEIGHT, ours->touch, INFINITY).most - ours->rest_height),
+        1e3 * (held_m - ours->rest_height));
 }
 
 /* Computes the rise of the held box in the last second, m. */
@@ -283,24 +287,21 @@ static double box_drift_m(const struct grasp_result *result)
 static void compare_forces(struct report *report, const struct grasp_result *ours,
                            const struct grasp_result *theirs)
 {
-    const double *t = ours->time;
-    size_t n = ours->count;
-    double from = t[n - 1] - 0.3, to = INFINITY, until = theirs->time[theirs->count - 1];
-    double robot = ours->rig->robot->total_mass * ours->gravity;
-    double torque = fmax(paper_largest(t, ours->value[TORQUE_RIGHT], n, ours->touch, to),
-                         -paper_smallest(t, ours->value[TORQUE_RIGHT], n, ours->touch, to));
+    const double from = ours->time[ours->count - 1] - 0.3, to = INFINITY;
+    const double until = theirs->time[theirs->count - 1];
+    const double robot = ours->rig->robot->total_mass * ours->gravity;
+    const struct paper_range torque = grasp_over(ours, TORQUE_RIGHT, ours->touch, to);
 
     /* The box held between the wrists */
     report_finding(report, true, "each wrist presses, box held, N|plotted only|%.2f and %.2f|",
-                   paper_mean(t, ours->value[PRESS_RIGHT], n, from, to),
-                   paper_mean(t, ours->value[PRESS_LEFT], n, from, to));
+                   grasp_over(ours, PRESS_RIGHT, from, to).mean,
+                   grasp_over(ours, PRESS_LEFT, from, to).mean);
     report_finding(
         report, true,
         "friction at both wrists carries, N|the box's weight|%.2f|The box weighs %.4f N. "
         "In the last second its height changes by %.1f mm: the robot rocks on its feet, and "
         "the grip creeps below the transition velocity of %s friction, %g mm/s.",
-        paper_mean(t, ours->value[CARRY_RIGHT], n, from, to) +
-            paper_mean(t, ours->value[CARRY_LEFT], n, from, to),
+        grasp_over(ours, CARRY_RIGHT, from, to).mean + grasp_over(ours, CARRY_LEFT, from, to).mean,
         ours->box_kg * ours->gravity, 1e3 * box_drift_m(ours),
         ours->rig->contact.friction == CONTACT_FRICTION_REGULARIZED ? "regularized" : "sticking",
         1e3 * ours->rig->contact.transition_velocity_m_s);
@@ -308,26 +309,25 @@ static void compare_forces(struct report *report, const struct grasp_result *our
     /* The load on the feet, without and with the box */
     report_finding(report, false,
                    "both feet, before the arms move, N|plotted only|%.1f|The robot weighs %.1f N.",
-                   paper_mean(t, ours->value[FOOT_RIGHT], n, -0.2, 0.0) +
-                       paper_mean(t, ours->value[FOOT_LEFT], n, -0.2, 0.0),
+                   grasp_over(ours, FOOT_RIGHT, -0.2, 0.0).mean +
+                       grasp_over(ours, FOOT_LEFT, -0.2, 0.0).mean,
                    robot);
-    report_finding(report, true,
-                   "both feet, box held, N|plotted only|%.1f|Robot and box weigh %.1f N.",
-                   paper_mean(t, ours->value[FOOT_RIGHT], n, from, to) +
-                       paper_mean(t, ours->value[FOOT_LEFT], n, from, to),
-                   robot + ours->box_kg * ours->gravity);
+    report_finding(
+        report, true, "both feet, box held, N|plotted only|%.1f|Robot and box weigh %.1f N.",
+        grasp_over(ours, FOOT_RIGHT, from, to).mean + grasp_over(ours, FOOT_LEFT, from, to).mean,
+        robot + ours->box_kg * ours->gravity);
 
     /* Quantities that the paper shows only as plots */
     report_finding(report, false,
                    "torque of dry friction at a wrist, N m|plotted only|%.4f at most|About the "
                    "middle of the patch of contact.",
-                   torque);
+                   fmax(torque.most, -torque.least));
     report_finding(
         report, false,
         "right wrist from 1.1 s to %.1f s, rk4 0.1 ms, N|plotted only|%.2f on average|implicit at "
         "1 ms: %.2f. rk4 needs a ten times larger transition velocity, so the grip creeps more.",
-        until, paper_mean(theirs->time, theirs->value[PRESS_RIGHT], theirs->count, 1.1, until),
-        paper_mean(t, ours->value[PRESS_RIGHT], n, 1.1, until));
+        until, grasp_over(theirs, PRESS_RIGHT, 1.1, until).mean,
+        grasp_over(ours, PRESS_RIGHT, 1.1, until).mean);
 }
 
 /* ---- Fig. 11 ---- */
@@ -356,39 +356,38 @@ static void put_figure_11(struct report *report, const struct grasp_result *stif
                   panels, 2);
 }
 
-/* Computes the deflection of the right elbow's spring at the end, mrad. */
-static double elbow_deflection_mrad(const struct grasp_result *result)
-{
-    size_t last = result->count - 1;
-
-    return 1e3 * fabs(result->value[ARM + 3][last] - result->value[ELBOW_MOTOR][last]);
-}
-
 /* Compares the grasping forces of stiff and soft elbows. */
 static void compare_elbows(struct report *report, const struct grasp_result *stiff,
                            const struct grasp_result *soft)
 {
-    const double *t = stiff->time, *soft_t = soft->time;
-    size_t n = stiff->count, soft_n = soft->count;
-    double end = t[n - 1], soft_end = soft_t[soft_n - 1];
+    const struct grasp_result *const result[2] = {stiff, soft};
+    double end_n[2], most_n[2], deflection_mrad[2];
+
+    for (size_t i = 0; i < 2; i++) {
+        const size_t last = result[i]->count - 1;
+        const double from = result[i]->time[last] - 0.3;
+
+        end_n[i] = grasp_over(result[i], PRESS_RIGHT, from, INFINITY).mean;
+        most_n[i] = grasp_over(result[i], PRESS_RIGHT, 0.0, INFINITY).most;
+        deflection_mrad[i] =
+            1e3 * fabs(result[i]->value[ARM + 3][last] - result[i]->value[ELBOW_MOTOR][last]);
+    }
 
     report_finding(report, true,
                    "grasping force at the end, elbows of 120 N m/rad, N|the larger|%.1f|At most "
                    "%.1f, while the wrists close.",
-                   paper_mean(t, stiff->value[PRESS_RIGHT], n, end - 0.3, INFINITY),
-                   paper_largest(t, stiff->value[PRESS_RIGHT], n, 0.0, INFINITY));
+                   end_n[0], most_n[0]);
     report_finding(report, true,
                    "the same, elbows of 0.0012 N m/rad|the smaller|%.1f|At most %.1f. The box "
                    "stays on the table.",
-                   paper_mean(soft_t, soft->value[PRESS_RIGHT], soft_n, soft_end - 0.3, INFINITY),
-                   paper_largest(soft_t, soft->value[PRESS_RIGHT], soft_n, 0.0, INFINITY));
+                   end_n[1], most_n[1]);
     report_finding(report, false, "q25 - q25m at the end, stiff, mrad|not shown|%.0f|",
-                   elbow_deflection_mrad(stiff));
+                   deflection_mrad[0]);
     report_finding(report, true,
                    "q25 - q25m at the end, soft, mrad|grows after the touch|%.0f|The springs keep "
                    "their damping: it "
                    "alone makes the forearm follow the motor until something pushes it.",
-                   elbow_deflection_mrad(soft));
+                   deflection_mrad[1]);
     report_compared(report);
 }
 

@@ -152,40 +152,19 @@ void paper_run_end(const struct paper *paper, struct paper_run *run)
 
 /* ---- numbers from series ---- */
 
-double paper_mean(const double *x, const double *y, size_t count, double from, double to)
+struct paper_range paper_over(const double *x, const double *y, size_t count, double from,
+                              double to)
 {
-    double sum = 0.0;
-    size_t n = 0;
+    struct paper_range range = {NAN, NAN, NAN};
+    double sum = 0.0, n = 0.0;
 
     for (size_t i = 0; i < count; i++) {
         if (x[i] >= from && x[i] < to) {
             sum += y[i];
-            n++;
+            range.mean = sum / ++n;
+            range.least = fmin(range.least, y[i]);
+            range.most = fmax(range.most, y[i]);
         }
     }
-    return n ? sum / (double)n : (double)NAN;
-}
-
-double paper_largest(const double *x, const double *y, size_t count, double from, double to)
-{
-    double largest = NAN;
-
-    for (size_t i = 0; i < count; i++) {
-        if (x[i] >= from && x[i] < to) {
-            largest = fmax(largest, y[i]);
-        }
-    }
-    return largest;
-}
-
-double paper_smallest(const double *x, const double *y, size_t count, double from, double to)
-{
-    double smallest = NAN;
-
-    for (size_t i = 0; i < count; i++) {
-        if (x[i] >= from && x[i] < to) {
-            smallest = fmin(smallest, y[i]);
-        }
-    }
-    return smallest;
+    return range;
 }

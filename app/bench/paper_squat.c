@@ -217,15 +217,16 @@ static void squat_put_findings(struct report *report, const struct squat *squat)
     const struct robot *robot = squat->rig->robot;
     const double *t = squat->time, weight = -robot->total_mass * robot->gravity[2];
     size_t n = squat->count;
-    double end = task->period_s * task->cycles, last = t[n - 1] - 0.1;
-    double still = paper_mean(t, squat->feet, n, -0.5, 0.0);
-    double board =
-        paper_mean(squat->board_time, squat->board_force, squat->nboard, end + 0.3, last);
+    const double end = task->period_s * task->cycles, last = t[n - 1] - 0.1;
+    const struct paper_range knee = paper_over(t, squat->knee, n, 0.0, end);
+    const struct paper_range feet = paper_over(t, squat->feet, n, 0.0, end);
+    const struct paper_range board =
+        paper_over(squat->board_time, squat->board_force, squat->nboard, end + 0.3, last);
 
     /* The motion */
     report_finding(report, true, "depth of the squat, mm|300|%.1f|",
-                   1e3 * (paper_mean(t, squat->height, n, -0.3, 0.0) -
-                          paper_smallest(t, squat->height, n, 0.0, end)));
+                   1e3 * (paper_over(t, squat->height, n, -0.3, 0.0).mean -
+                          paper_over(t, squat->height, n, 0.0, end).least));
     report_finding(report, false, "cycles of %g s|4|%d|%s", task->period_s, task->cycles,
                    task->cycles == 4 ? "" : "quick run");
     report_finding(report, true,
@@ -236,30 +237,27 @@ static void squat_put_findings(struct report *report, const struct squat *squat)
     report_finding(report, true,
                    "knee torque, N m|plotted only|%.1f to %.1f|Standing upright, and at the "
                    "bottom. It is what statics of the robot's masses ask for.",
-                   paper_smallest(t, squat->knee, n, 0.0, end),
-                   paper_largest(t, squat->knee, n, 0.0, end));
+                   knee.least, knee.most);
     report_finding(report, true,
                    "both feet, standing, N|plotted only|%.1f|The weight of %.1f kg is %.1f N.",
-                   still, robot->total_mass, weight);
+                   paper_over(t, squat->feet, n, -0.5, 0.0).mean, robot->total_mass, weight);
     report_finding(report, true,
                    "both feet less m (g + a) of the center of mass, N RMS|oscillates with the "
                    "center of mass's acceleration|%.2f|a: second differences of the recorded "
                    "motion; the feet's force moves between %.1f and %.1f N.",
-                   rms_error(squat, squat->feet, squat->newton, 0.5, end),
-                   paper_smallest(t, squat->feet, n, 0.0, end),
-                   paper_largest(t, squat->feet, n, 0.0, end));
+                   rms_error(squat, squat->feet, squat->newton, 0.5, end), feet.least, feet.most);
 
     /* The force-torque sensor, and the start */
     report_finding(report, false,
                    "right foot's F/T board, standing, N|plotted only|%.1f|The ground pushes with "
                    "%.1f N; the sensor does not feel the %.2f kg below it.",
-                   board, paper_mean(t, squat->value[FOOT_RIGHT], n, end + 0.3, last),
+                   board.mean, paper_over(t, squat->value[FOOT_RIGHT], n, end + 0.3, last).mean,
                    robot->ft[foot_board(squat->rig)->ft].distal.mass);
     report_finding(report, false,
                    "relaxation at the start|fast, damped, in the first second|%.1f N above the "
                    "weight at most|The contacts relax, then the robot sways on its springs. run "
                    "--settle starts without.",
-                   paper_largest(t, squat->feet, n, t[0], 0.0) - weight);
+                   paper_over(t, squat->feet, n, t[0], 0.0).most - weight);
     report_compared(report);
 }
 
