@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The file of --ready: whole, its owner's, read by a shell to the very bytes, gone at the end. */
 #include "app/cli/cli.h"
-#include "tests/test.h"
+#include "tests/unit/app/put_file.h"
 
 #include <signal.h>
 #include <sys/stat.h>
@@ -150,11 +150,7 @@ TEST_WITH(what_is_no_file_of_ours_stays, begin, end)
 
 TEST_WITH(a_file_of_somebody_else_stays, begin, end)
 {
-    FILE *file = fopen(path, "w");
-
-    assert_non_null(file);
-    fputs("name: my rig\n", file);
-    fclose(file);
+    put_file(path, "name: my rig\n");
     assert_int_equal(ready_begin(path, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, path));
     assert_int_equal(access(path, F_OK), 0);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The file of a page's tokens: what is written is read again, and nothing else is believed. */
 #include "app/cli/cli.h"
-#include "tests/test.h"
+#include "tests/unit/app/put_file.h"
 
 #include <sys/stat.h>
 #include <unistd.h>
@@ -86,11 +86,7 @@ TEST(other_content_is_refused)
     struct page_tokens found;
 
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
-        FILE *out = fopen(path, "w");
-
-        assert_non_null(out);
-        fputs(texts[i], out);
-        fclose(out);
+        put_file(path, texts[i]);
         assert_int_equal(token_file_read(path, &found, &error), ERROR_INPUT);
         assert_int_equal(found.port, 0);
     }

@@ -8,6 +8,7 @@
 
 #include "tests/physics/near.h"
 #include "tests/unit/arena_fixture.h"
+#include "tests/unit/app/put_file.h"
 
 static const double one[3] = {1, 1, 1};
 
@@ -130,13 +131,9 @@ static void expect_color(int tint, double red, double green, double blue)
 static void write_text(const char *folder, const char *name, const char *text)
 {
     char path[128];
-    FILE *out;
 
     snprintf(path, sizeof path, "%s/%s", folder, name);
-    out = fopen(path, "w");
-    assert_non_null(out);
-    assert_true(fputs(text, out) >= 0);
-    assert_int_equal(fclose(out), 0);
+    put_file(path, text);
 }
 
 /* Faces before the first usemtl, and of a material that is not there, have no color. */

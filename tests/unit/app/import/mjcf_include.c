@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "tests/unit/arena_fixture.h"
+#include "tests/unit/app/put_file.h"
 
 #define INERTIAL "<inertial mass='1' pos='0 0 0' diaginertia='1 1 1'/>"
 
@@ -43,12 +44,9 @@ FIXTURE(remove_folder)
 static void put(const char *name, const char *text)
 {
     char path[128];
-    FILE *out;
 
     snprintf(path, sizeof path, "%s/%s", folder, name);
-    assert_non_null(out = fopen(path, "w"));
-    fputs(text, out);
-    assert_int_equal(fclose(out), 0);
+    put_file(path, text);
 }
 
 /* Reads model/main.xml. */

@@ -6,7 +6,7 @@
 #include "base/array.h"
 #include "rig/rig.h"
 #include "tests/physics/near.h"
-#include "tests/test.h"
+#include "tests/unit/app/put_file.h"
 
 #include <unistd.h>
 
@@ -120,9 +120,7 @@ TEST_WITH(a_second_import_asks_before_it_writes_over_the_first, open_folder, rem
 
     write_limbs(1, 3);
     assert_ok(import_run(&request, &arena, &first, &error));
-    assert_non_null(edited = fopen(first.rig, "w"));
-    fputs("mine\n", edited);
-    fclose(edited);
+    put_file(first.rig, "mine\n");
     assert_int_equal(import_run(&request, &arena, &again, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "/rigs/r.yaml: found it there already"));
     assert_non_null(strstr(error.text, "--force"));
@@ -197,13 +195,9 @@ TEST_WITH(a_box_stays_a_box, open_folder, remove_folder)
 static void write_file(const char *name, const char *text)
 {
     char path[96];
-    FILE *out;
 
     snprintf(path, sizeof path, "%s/%s", folder, name);
-    out = fopen(path, "w");
-    assert_non_null(out);
-    assert_true(fputs(text, out) >= 0);
-    assert_int_equal(fclose(out), 0);
+    put_file(path, text);
 }
 
 /* Returns the number that a shell command prints, which is run in the folder. */
@@ -337,13 +331,9 @@ TEST_WITH(ankles_hold_up_what_stands_on_them, open_folder, remove_folder)
     struct import_result result;
     const struct rig *rig;
     struct error error;
-    FILE *out;
 
     snprintf(file, sizeof file, "%s/biped.xml", folder);
-    out = fopen(file, "w");
-    assert_non_null(out);
-    fputs(text, out);
-    assert_int_equal(fclose(out), 0);
+    put_file(file, text);
     if (import_run(&request, &arena, &result, &error) ||
         rig_load(result.standing, &arena, &rig, &error)) {
         fail_msg("%s", error.text);

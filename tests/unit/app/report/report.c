@@ -2,7 +2,7 @@
 /* Reports: escaping, CSV quoting, findings, errors; signals read back from a recording's CSV. */
 #include "app/report/report.h"
 #include "app/report/signals.h"
-#include "tests/test.h"
+#include "tests/unit/app/put_file.h"
 
 #include <unistd.h>
 
@@ -16,15 +16,6 @@ static const char *path_of(const char *name)
 
     snprintf(path, sizeof path, "%s/%s", folder, name);
     return path;
-}
-
-static void write_file(const char *name, const char *text)
-{
-    FILE *out = fopen(path_of(name), "w");
-
-    assert_non_null(out);
-    fputs(text, out);
-    fclose(out);
 }
 
 /* Whole file; valid until the next call. */
@@ -100,7 +91,7 @@ TEST(signals_are_read_by_title_within_a_time)
     static const char *const titles[] = {"b", "a"};
     struct signals signals CLOSED_BY(signals_free);
 
-    write_file("signals.csv", "time_s,a,b\n0,1,2\n1,3,4\n2,5,6\n");
+    put_file(path_of("signals.csv"), "time_s,a,b\n0,1,2\n1,3,4\n2,5,6\n");
     assert_ok(signals_read(path_of("signals.csv"), titles, 2, 0.5, INFINITY, &signals, &error));
     assert_string_equal(signals.first_title, "time_s");
     assert_int_equal(signals.count, 2);
@@ -123,7 +114,7 @@ TEST(wrong_signals_are_refused_with_their_place)
     struct signals signals;
 
     for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
-        write_file("signals.csv", wrong[i].text);
+        put_file(path_of("signals.csv"), wrong[i].text);
         assert_int_equal(
             signals_read(path_of("signals.csv"), titles, 1, 0.0, 9.0, &signals, &error),
             ERROR_INPUT);

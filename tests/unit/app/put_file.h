@@ -1,0 +1,18 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Files that a test makes of a text. */
+#ifndef TESTS_UNIT_APP_PUT_FILE_H
+#define TESTS_UNIT_APP_PUT_FILE_H
+
+#include "tests/test.h"
+
+/* Makes a file of a text. */
+static inline void put_file(const char *path, const char *text)
+{
+    FILE *file = fopen(path, "w");
+
+    assert_non_null(file);
+    assert_true(fputs(text, file) >= 0);
+    assert_int_equal(fclose(file), 0);
+}
+
+#endif
