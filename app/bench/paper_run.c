@@ -7,8 +7,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #define ARENA_BYTES ((size_t)512 << 20) /* reserved address space; unused pages cost nothing */
 
@@ -137,15 +135,10 @@ enum error_code paper_run(const struct paper *paper, const struct paper_order *o
 
 void paper_run_end(const struct paper *paper, struct paper_run *run)
 {
-    static const char *const names[] = {"candump.log", "signals.csv"};
     char path[PATH_MAX];
 
-    for (size_t i = 0; i < 2; i++) {
-        paper_recorded_path(paper, names[i], path);
-        unlink(path);
-    }
     paper_recorded_path(paper, "", path);
-    rmdir(path);
+    folder_remove(path);
     signals_free(&run->signals);
     arena_fini(&run->arena);
 }
