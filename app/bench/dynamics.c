@@ -41,17 +41,14 @@ static double dynamics_bench_time_cell(const struct peer_dynamics *peer,
 static enum error_code take_sizes(struct dynamics_bench *bench, const struct robot *whole,
                                   struct arena *arena, struct error *error)
 {
-    for (size_t i = 0;
-         !bench->whole_only && i < DYNAMICS_SIZES - 1 && part_joints[i] < whole->njoint; i++) {
-        enum error_code code =
-            bench_part(whole, part_joints[i], arena, &bench->robot[bench->nsize++], error);
+    const size_t parts = bench->whole_only ? 0 : DYNAMICS_SIZES - 1;
+    enum error_code code = ERROR_NONE;
 
-        if (code) {
-            return code;
-        }
+    for (size_t i = 0; !code && i < parts && part_joints[i] < whole->njoint; i++) {
+        code = bench_part(whole, part_joints[i], arena, &bench->robot[bench->nsize++], error);
     }
     bench->robot[bench->nsize++] = whole;
-    return ERROR_NONE;
+    return code;
 }
 
 /* Creates an engine for a size and stores the states in it. Compares it with the first engine, and
@@ -156,7 +153,6 @@ static enum error_code write_files(const struct dynamics_bench *bench, const cha
         return code;
     }
 
-    /* Writes all cells as CSV */
     fprintf(file.whole.out,
             "engine,version,degrees_of_freedom,median_us,low_us,high_us,difference\n");
     for (size_t e = 0; e < bench->nengine; e++) {
@@ -191,8 +187,8 @@ enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *fil
     }
     code = code ? code : take_sizes(bench, whole, arena, error);
 
-    /* The first engine, our numeric implementation, is the reference for the differences */
-    /* Lists our implementations, then those of other simulators */
+    /* List our implementations, then those of other simulators. The first one, our numeric
+     * implementation, is the reference for the differences. */
     for (size_t i = 0; i < BENCH_OURS; i++) {
         bench->peer[bench->nengine++] = &bench_ours[i];
     }

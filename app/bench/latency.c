@@ -35,10 +35,8 @@ static const char *const kind_name[LATENCY_KINDS] = {"wake-up", "echo", "boards"
 /* The samples of all kinds. */
 struct latency_result {
     struct histogram of[LATENCY_KINDS];
-    uint64_t lost[LATENCY_KINDS]; /* samples without an answer within LATENCY_TIMEOUT_NS */
+    uint64_t lost[LATENCY_KINDS]; /* samples without an answer within CLOCK_SECOND */
 };
-
-#define LATENCY_TIMEOUT_NS INT64_C(1000000000)
 
 /* The measured boards. tap[bus] are the ports of the host. */
 struct latency_boards {
@@ -121,7 +119,7 @@ static bool latency_read_until(const struct latency_boards *boards, enum host_mo
 static void latency_sample_echo(struct latency_tap *ping, uint32_t number,
                                 struct latency_result *result)
 {
-    int64_t until = clock_now(clock_monotonic()) + LATENCY_TIMEOUT_NS;
+    int64_t until = clock_now(clock_monotonic()) + CLOCK_SECOND;
     struct bus_frame frame =
         frame_make(0, 4,
                    (const uint8_t[]){(uint8_t)number, (uint8_t)(number >> 8),
@@ -151,7 +149,7 @@ static void latency_sample_boards(const struct latency_boards *boards, bool on,
 {
     enum host_motor wanted = on ? HOST_MOTOR_ON : HOST_MOTOR_OFF;
     struct latency_tap *tap = boards->tap[boards->bus];
-    int64_t now = clock_now(clock_monotonic()), until = now + LATENCY_TIMEOUT_NS;
+    int64_t now = clock_now(clock_monotonic()), until = now + CLOCK_SECOND;
 
     host_set_motor(boards->host, boards->axis, on);
     latency_tap_mark(tap);

@@ -20,9 +20,22 @@ void paper_progress(struct paper *paper, const char *what)
     }
 }
 
-/* Adds the findings that depend on our own choices, where the paper gives no value. */
-static void put_choices(struct report *report)
+/* Measures all parts of the paper, and adds their sections. */
+static enum error_code paper_measure_all(struct paper *paper, struct error *error)
 {
+    struct report *report = &paper->report;
+    struct pendulum_table table;
+    char path[PATH_MAX];
+    enum error_code code;
+
+    /* Find a rig first, so that a missing rig is reported before the pendulums run for minutes */
+    if ((code = config_locate(CONFIG_RIG, "grasp", path, error)) ||
+        (code = paper_pendulums(paper, &table, error)) || (code = paper_grasp(paper, error)) ||
+        (code = paper_squat(paper, error)) || (code = paper_speed(paper, &table, error))) {
+        return code;
+    }
+
+    /* Add the findings that depend on our own choices, where the paper gives no value */
     report_section(report, "choices", "What follows from choices of ours");
     report_text(report, "Measured on a real robot is nothing here. What agrees with the paper "
                         "agrees with what it says of its own simulator, and these findings with "
@@ -43,26 +56,8 @@ static void put_choices(struct report *report)
                        "the state.|Plain RK4 has the paper's.");
     report_row(report, "all of Table 1 and Fig. 3|The second pendulum's mass is 2.|The paper "
                        "leaves it out; no other mass makes both turn as one.");
-}
-
-/* Measures all parts of the paper, and adds their sections. */
-static enum error_code paper_measure_all(struct paper *paper, struct error *error)
-{
-    struct pendulum_table table;
-    char path[PATH_MAX];
-    enum error_code code;
-
-    /* Find a rig first, so that a missing rig is reported before the pendulums run for minutes */
-    if ((code = config_locate(CONFIG_RIG, "grasp", path, error)) ||
-        (code = paper_pendulums(paper, &table, error)) || (code = paper_grasp(paper, error)) ||
-        (code = paper_squat(paper, error)) || (code = paper_speed(paper, &table, error))) {
-        return code;
-    }
-    put_choices(&paper->report);
 
     /* Add the list of results that are not reproduced, with reasons */
-    struct report *report = &paper->report;
-
     report_section(report, "rest", "What is not reproduced");
     report_table(report, "not-reproduced", "", "of the paper|why");
     report_row(report,
@@ -81,7 +76,6 @@ static enum error_code paper_measure_all(struct paper *paper, struct error *erro
 /* Opens, fills and closes the report. After an error it writes nothing more. */
 static enum error_code make_report(struct paper *paper, struct error *error)
 {
-    struct error closing;
     enum error_code code = report_open(&paper->report, paper->folder, title, error);
 
     if (code) {
@@ -95,11 +89,7 @@ static enum error_code make_report(struct paper *paper, struct error *error)
         report_abandon(&paper->report);
         return code;
     }
-    code = report_close(&paper->report, &closing);
-    if (code) {
-        *error = closing;
-    }
-    return code;
+    return report_close(&paper->report, error);
 }
 
 int bench_paper(int argc, char **argv)

@@ -18,18 +18,17 @@ static void put_machine(struct report *report)
     struct utsname system;
     char name[128];
     double load[3] = {NAN, NAN, NAN};
-    const size_t size = sizeof name;
     FILE *file = fopen("/proc/cpuinfo", "r");
     char line[512];
 
     /* Read the processor's name from /proc/cpuinfo */
-    snprintf(name, size, "unknown processor");
+    snprintf(name, sizeof name, "unknown processor");
     while (file && fgets(line, sizeof line, file)) {
         char *colon = strchr(line, ':');
 
         if (colon && !strncmp(line, "model name", strlen("model name"))) {
             line[strcspn(line, "\n")] = '\0';
-            snprintf(name, size, "%s", colon + 1 + strspn(colon + 1, " "));
+            snprintf(name, sizeof name, "%s", colon + 1 + strspn(colon + 1, " "));
             break;
         }
     }
@@ -37,9 +36,7 @@ static void put_machine(struct report *report)
         fclose(file);
     }
     uname(&system);
-    if (getloadavg(load, 3) < 1) {
-        load[0] = NAN;
-    }
+    getloadavg(load, 3);
     report_text(
         report,
         "Measured on %s, %ld processors, %s %s %s; compiler %s, coman-hil %s; %.1f processes were "
@@ -65,15 +62,10 @@ static const struct setting {
     {"implicit, dt 1 ms, five bodies, lockstep", "grasp", LOOP_CLOCK_LOCKSTEP, NAN},
 };
 
-/* The real-time factors of one setting, by round. */
-struct speed {
-    double cpu[ROUNDS], wall[ROUNDS];
-};
-
 /* Runs all settings in each round, so that changes of the machine's speed affect all of them. */
 static enum error_code measure_settings(struct paper *paper, struct error *error)
 {
-    struct speed speed[PAPER_SPEEDS];
+    double cpu[PAPER_SPEEDS][ROUNDS], wall[PAPER_SPEEDS][ROUNDS]; /* real-time factors */
     size_t rounds = paper->quick ? 1 : ROUNDS;
 
     for (size_t round = 0; round < rounds; round++) {
@@ -85,8 +77,8 @@ static enum error_code measure_settings(struct paper *paper, struct error *error
 
             paper_progress(paper, settings[i].what);
             code = paper_run(paper, &order, &run, error);
-            speed[i].cpu[round] = run.seconds / run.cpu_s;
-            speed[i].wall[round] = run.seconds / run.wall_s;
+            cpu[i][round] = run.seconds / run.cpu_s;
+            wall[i][round] = run.seconds / run.wall_s;
             paper_run_end(paper, &run);
             if (code) {
                 return code;
@@ -100,17 +92,17 @@ static enum error_code measure_settings(struct paper *paper, struct error *error
                  "five buses inside the process.",
                  "settings|rig|paper|here, CPU time|here, clock|times the paper's");
     for (size_t i = 0; i < PAPER_SPEEDS; i++) {
-        double cpu = bench_median(speed[i].cpu, rounds), wall = bench_median(speed[i].wall, rounds);
+        const double median = bench_median(cpu[i], rounds);
         char said[32] = "-", times[32] = "-";
 
         if (isfinite(settings[i].said)) {
             snprintf(said, sizeof said, "%g", settings[i].said);
-            snprintf(times, sizeof times, "%.0f", cpu / settings[i].said);
+            snprintf(times, sizeof times, "%.0f", median / settings[i].said);
         }
         report_row(&paper->report, "%s|%s|%s|%.2f|%.2f|%s", settings[i].what, settings[i].rig, said,
-                   cpu, wall, times);
+                   median, bench_median(wall[i], rounds), times);
         report_finding(&paper->report, true, "real-time factor, grasp, %s|%s|%.1f|",
-                       settings[i].what, said, cpu);
+                       settings[i].what, said, median);
     }
     return ERROR_NONE;
 }

@@ -37,21 +37,11 @@ const struct pendulum_paper_row pendulum_paper[2][PENDULUM_STEPS] = {
      {1e-13, 0.2, 1e-7, 1e-11, 0.1}},
 };
 
-/* The single and the double pendulum of the paper. */
+/* The single and the double pendulum of the paper: count, gravity, masses, inertias, centers of
+ * mass, reach, speed. */
 static const struct peer_chain chain_of[2] = {
-    {.count = 1,
-     .gravity = 1.0,
-     .mass = {1.0},
-     .inertia = {5.5},
-     .com = {1.0},
-     .speed = PENDULUM_START_SPEED},
-    {.count = 2,
-     .gravity = 1.0,
-     .mass = {1.0, 2.0},
-     .inertia = {5.5, 2.0},
-     .com = {1.0, 2.5},
-     .reach = 2.0,
-     .speed = PENDULUM_START_SPEED},
+    {1, 1.0, {1.0}, {5.5}, {1.0}, 0.0, PENDULUM_START_SPEED},
+    {2, 1.0, {1.0, 2.0}, {5.5, 2.0}, {1.0, 2.5}, 2.0, PENDULUM_START_SPEED},
 };
 
 /* ---- ours, in the terms of the others ---- */

@@ -324,19 +324,16 @@ static enum error_code measure_round(const struct throughput *t, struct measured
     if (!t->alone && (code = measure_cases(t, rig, program, folder, value, error))) {
         return code;
     }
-    for (int way = 0; way < ALONE_WAYS; way++) {
+    for (int way = 0; way < ALONE_WAYS && !code; way++) {
         double cpu_s;
 
         code = alone_measure(rig->rig, (enum alone_way)way, t->mujoco, t->seconds, &cpu_s, error);
-        if (code) {
-            return code;
-        }
         value[FIGURE_ALONE + way] = 3600.0 * t->seconds / cpu_s;
     }
     for (size_t i = 0; i < FIGURES; i++) {
         rig->figure[i][round] = value[i];
     }
-    return ERROR_NONE;
+    return code;
 }
 
 /* Runs all rounds. Rigs take turns; each one has its own folder below a scratch folder. */
