@@ -546,14 +546,12 @@ static enum error_code read_rows(struct csv *csv, const int column[COLUMNS], siz
 {
     const bool steady = r->signal[SIGNAL_LOSS] != NULL;
     const size_t least = steady ? 3 : 16;
-    enum error_code code;
     bool end;
+    enum error_code code = csv_next(csv, &end, error);
 
-    for (r->count = 0; !(code = csv_next(csv, &end, error)) && !end && r->count < most;) {
+    for (r->count = 0; !code && !end && r->count < most;) {
         code = (steady ? read_state : read_row)(csv, column, r->count++, r, error);
-        if (code) {
-            return code;
-        }
+        code = code ? code : csv_next(csv, &end, error);
     }
     if (!code && r->count < least) {
         return error_set(error, ERROR_INPUT, "%s: found %zu rows, expected %zu or more", csv->path,

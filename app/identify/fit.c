@@ -541,7 +541,6 @@ enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *
                           struct error *error)
 {
     struct fit fit = {.problem = problem, .error = error, .judge = SIGNALS};
-    bool measured[SIGNALS] = {false};
     double u[IDENTIFY_FREE_MAX], *memory;
     enum error_code code;
 
@@ -550,16 +549,15 @@ enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *
         const struct recording *recording = &problem->bench->recording[r];
 
         fit.first[r] = fit.nrow;
-        if (is_used(problem, r)) {
-            for (size_t s = 0; s < SIGNALS; s++) {
-                measured[s] |= recording->signal[s] != NULL;
-                fit.nrow += recording->signal[s] ? recording->count : 0;
+        for (size_t s = 0; s < SIGNALS && is_used(problem, r); s++) {
+            if (recording->signal[s]) {
+                fit.nrow += recording->count;
+                fit.judge = s < fit.judge ? (enum signal)s : fit.judge;
             }
         }
     }
-    for (size_t s = SIGNALS; s-- > 0;) {
+    for (size_t s = 0; s < SIGNALS; s++) {
         fit.weight[s] = 1.0;
-        fit.judge = measured[s] ? (enum signal)s : fit.judge;
     }
     fit.m = fit.nrow;
     for (size_t i = 0; i < problem->nfree; i++) {

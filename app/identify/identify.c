@@ -375,17 +375,16 @@ static bool leaves_range(const struct trial_robot *trial, const struct recording
 }
 
 /* Simulates all recordings with the parameters of a trial, and computes the mean errors of their
- * first signals, or with `share` the RMS errors as shares. kept and failure may be NULL; failure
- * receives why a simulation of a recording in use is of no use. */
+ * first signals, or with `share` the RMS errors as shares. failure may be NULL; it receives why a
+ * simulation of a recording in use is of no use. */
 static enum error_code judge_all(const struct identify_bench *bench,
                                  const struct trial_robot *trial, bool share, struct arena *arena,
-                                 double *found, struct simulated *kept, char failure[256],
-                                 struct error *error)
+                                 double *found, struct simulated all[IDENTIFY_RECORDINGS_MAX],
+                                 char failure[256], struct error *error)
 {
     enum error_code code = ERROR_NONE;
 
-    struct simulated all[IDENTIFY_RECORDINGS_MAX] = {{.diverged = false}};
-
+    memset(all, 0, IDENTIFY_RECORDINGS_MAX * sizeof *all);
     for (size_t i = 0; i < bench->nrecording; i++) {
         for (size_t s = 0; s < SIGNALS; s++) {
             const struct recording *r = &bench->recording[i];
@@ -415,9 +414,6 @@ static enum error_code judge_all(const struct identify_bench *bench,
                      all[i].diverged ? "diverges" : "leaves the joint's range");
         }
     }
-    if (kept) {
-        memcpy(kept, all, sizeof all);
-    }
     return code;
 }
 
@@ -438,6 +434,7 @@ static enum error_code run_fold(const struct fit_problem *problem, size_t left_o
                                 struct error *error)
 {
     const struct identify_bench *bench = problem->bench;
+    struct simulated simulated[IDENTIFY_RECORDINGS_MAX];
     double all[IDENTIFY_RECORDINGS_MAX];
     struct fit_problem fold = *problem;
     struct fit_result fit;
@@ -453,7 +450,7 @@ static enum error_code run_fold(const struct fit_problem *problem, size_t left_o
     }
     fold.left_out = &bench->recording[left_out];
     code = fit_solve(&fold, &fit, error);
-    code = code ? code : judge_all(bench, &fit.trial, false, arena, all, NULL, NULL, error);
+    code = code ? code : judge_all(bench, &fit.trial, false, arena, all, simulated, NULL, error);
     for (size_t i = 0; i < bench->nrecording && !code; i++) {
         if (!bench->recording[i].judge && recording_is_with(&bench->recording[i], fold.left_out)) {
             result->crossed[i] = all[i];
@@ -485,7 +482,8 @@ enum error_code identify_run(struct fit_problem *problem, bool crossed, struct a
     }
 
     /* Fit, then compute the errors of all recordings with the start values and with the fit */
-    code = judge_all(bench, &bench->trial, false, arena, result->start, NULL, NULL, error);
+    code = judge_all(bench, &bench->trial, false, arena, result->start, result->simulated, NULL,
+                     error);
     code = code ? code : fit_solve(problem, &result->fit, error);
     code = code ? code
                 : judge_all(bench, &result->fit.trial, false, arena, result->fitted,

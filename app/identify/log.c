@@ -216,7 +216,7 @@ static enum error_code read_frames(const struct log_source *source, const char *
     char name[16];
     struct log_command command = {.given = false};
     double angle, yields;
-    int64_t begin = 0, last = 0;
+    int64_t last = 0;
     bool end = false;
     enum error_code code = candump_open(&reader, path, error);
 
@@ -246,12 +246,11 @@ static enum error_code read_frames(const struct log_source *source, const char *
             continue;
         }
         command_pass(&command, frame.time_ns);
-        begin = *count == 0 ? frame.time_ns : begin;
-        r->begin_ns = begin;
+        r->begin_ns = *count == 0 ? frame.time_ns : r->begin_ns;
         if (*count < room) {
             yields = 0.0;
             read_signal(source, &source->deflection, bus, &frame, &yields);
-            r->time[*count] = 1e-9 * (double)(frame.time_ns - begin);
+            r->time[*count] = 1e-9 * (double)(frame.time_ns - r->begin_ns);
             r->signal[SIGNAL_POSITION][*count] = angle - yields;
             r->voltage[*count] =
                 *count > 0 ? command.sum / (double)(frame.time_ns - last) : command.value;
