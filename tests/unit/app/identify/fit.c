@@ -10,6 +10,7 @@
 #include "base/array.h"
 #include "base/random.h"
 #include "tests/physics/near.h"
+#include "tests/unit/app/put_file.h"
 #include "tests/unit/arena_fixture.h"
 
 #define RIG HIL_SOURCE_DIR "/config/rigs/xl330-pendulum.yaml"
@@ -77,6 +78,17 @@ static void make_recording(struct trial_robot *trial, uint64_t seed)
     add_noise(current, &random);
 }
 
+/* Prints what a fit found for a number, and returns its relative error. */
+static double say_number(const struct fit_result *result, const char *name, size_t i, double is)
+{
+    const double off = fabs(result->value[i] / is - 1.0);
+
+    print_message("%s: %.5g, true %.5g, off by %.2f %%, sigma %.2f %%, %s\n", name,
+                  result->value[i], is, 100.0 * off, 100.0 * result->sigma[i] / result->value[i],
+                  word_of(fit_verdict_words, (int)result->verdict[i]));
+    return off;
+}
+
 /* Fits numbers of a drive to a recording of it with 1 % noise. Volts and angles tell NKt/R alone,
  * so neither number may be called known. With the current both are within 2 %. */
 TEST(known_numbers_come_back)
@@ -107,12 +119,8 @@ TEST(known_numbers_come_back)
         print_message("%d simulations of 6 s, %.1f rows count as one\n", result.simulations,
                       result.coherence);
         for (size_t i = 0; i < FREE; i++) {
-            const double off = fabs(result.value[i] / truth[i] - 1.0);
+            const double off = say_number(&result, keys[i], i, truth[i]);
 
-            print_message("%s: %.5g, true %.5g, off by %.2f %%, sigma %.2f %%, %s\n", keys[i],
-                          result.value[i], truth[i], 100.0 * off,
-                          100.0 * result.sigma[i] / result.value[i],
-                          word_of(fit_verdict_words, (int)result.verdict[i]));
             within += off * truth[i] <= 2.0 * result.sigma[i];
             if (i < 2) {
                 assert_int_equal(result.verdict[i], with_current ? FIT_KNOWN : FIT_PAIRED);
@@ -332,11 +340,9 @@ TEST(drives_of_an_arm_come_back_mounted)
     const struct robot_drive *drive;
     struct trial_robot trial;
     struct rig fine;
-    FILE *file = fopen(path[0], "w");
+    FILE *file;
 
-    assert_non_null(file);
-    fputs(bench_text, file);
-    fclose(file);
+    put_file(path[0], bench_text);
     assert_no_error(identify_open(path[0], &arena, &arm, &error), error.text);
     assert_int_equal(arm.trial.njoint, JOINTS);
     assert_no_error(fit_prepare(&problem, NULL, 0, &error), error.text);
@@ -395,13 +401,7 @@ TEST(drives_of_an_arm_come_back_mounted)
     assert_no_error(identify_run(&problem, false, &arena, &result, &error), error.text);
     assert_string_equal(result.failure, "");
     for (size_t i = 0; i < problem.nfree; i++) {
-        const double off = fabs(result.fit.value[i] / true_number[i] - 1.0);
-
-        print_message("%s: %.5g, true %.5g, off by %.2f %%, sigma %.2f %%, %s\n",
-                      problem.free[i].name, result.fit.value[i], true_number[i], 100.0 * off,
-                      100.0 * result.fit.sigma[i] / result.fit.value[i],
-                      word_of(fit_verdict_words, (int)result.fit.verdict[i]));
-        assert_true(off <= 0.02);
+        assert_true(say_number(&result.fit, names[i], i, true_number[i]) <= 0.02);
     }
     assert_no_error(
         identify_write_drive(&problem, &result, HIL_BINARY_DIR "/arm-found.yaml", &error),
@@ -576,20 +576,23 @@ TEST(what_the_recording_does_not_tell_is_said)
     assert_int_not_equal(result.verdict[1], FIT_KNOWN);
 }
 
+/* Fails unless the last error has these words. */
+static void assert_error_has(const char *expected)
+{
+    if (!strstr(error.text, expected)) {
+        fail_msg("found \"%s\", expected \"%s\"", error.text, expected);
+    }
+}
+
 /* Reads a bench from text, which must be refused with that. */
 static void refuses(const char *text, const char *expected)
 {
     struct bench made;
     const char *path = "identify-bench.yaml";
-    FILE *file = fopen(path, "w");
 
-    assert_non_null(file);
-    assert_true(fputs(text, file) >= 0);
-    fclose(file);
+    put_file(path, text);
     assert_int_equal(bench_read(path, &arena, &made, &error), ERROR_INPUT);
-    if (!strstr(error.text, expected)) {
-        fail_msg("found \"%s\", expected \"%s\"", error.text, expected);
-    }
+    assert_error_has(expected);
     remove(path);
 }
 
@@ -601,21 +604,13 @@ TEST(wrong_benches_are_refused_with_their_place)
     refuses(HEAD "columns: {time: t, position: q}\n",
             "identify-bench.yaml:5:10: found none or several");
     refuses(HEAD "columns: {time: t, position: q, goal: g}\n", "without key \"law\"");
-    refuses(HEAD "columns: {time: t, position: q, voltage: v}\nfree: [R_omh]\n",
-            "identify-bench.yaml:6:8: found \"R_omh\"");
-    refuses(HEAD "columns: {time: t, position: q, voltage: v}\n"
-                 "free: [{key: R_ohm, expected: 3}]\n",
-            "bounds or a prior");
+    refuses(GIVEN "free: [R_omh]\n", "identify-bench.yaml:6:8: found \"R_omh\"");
+    refuses(GIVEN "free: [{key: R_ohm, expected: 3}]\n", "bounds or a prior");
     refuses(HEAD, "found no columns");
     refuses(HEAD "columns: {time: t, voltage: v}\n", "no column of a measured signal");
-    refuses(HEAD "columns: {time: t, position: q, voltage: v}\noutput: inertia\n",
-            "found an incomplete output");
-    refuses(HEAD "columns: {time: t, position: q, voltage: v}\noutput: free\nlock_nm_rad: 5\n"
-                 "output_kg_m2: 1\n",
-            "found an incomplete output");
-    refuses(HEAD "columns: {time: t, position: q, voltage: v}\n"
-                 "group_numbers: [{group: a, key: R_omh, value: 1}]\n",
-            "found \"R_omh\"");
+    refuses(GIVEN "output: inertia\n", "found an incomplete output");
+    refuses(GIVEN "output: free\nlock_nm_rad: 5\noutput_kg_m2: 1\n", "found an incomplete output");
+    refuses(GIVEN "group_numbers: [{group: a, key: R_omh, value: 1}]\n", "found \"R_omh\"");
     /* Numbers that a drive's file refuses, and groups without recordings */
     refuses(GIVEN "numbers: {R_ohm: -5}\n",
             "identify-bench.yaml:6:11: found -5 for \"R_ohm\", expected 0 to 1e+09");
@@ -707,17 +702,13 @@ TEST(losses_of_a_motor_are_told_from_half_of_its_states)
 TEST(a_bench_fails_if_a_simulation_diverges)
 {
     static struct validation validation;
-    FILE *file = fopen("identify-diverged.yaml", "w");
 
-    assert_non_null(file);
-    assert_true(
-        fputs(
-            "name: a\nsource: b\nlicense: c\ndrive: identify-config/drives/tmotor-u8-pro.yaml\n"
-            "columns: {load: torque_nm, speed: speed_rad_s, supply: bus_v, supply_current: bus_a}\n"
-            "numbers: {saturation_a: 0.001}\n"
-            "recordings: [{file: identify-config/validation/data/dyno-u8/fit.csv}]\n",
-            file) >= 0);
-    fclose(file);
+    put_file(
+        "identify-diverged.yaml",
+        "name: a\nsource: b\nlicense: c\ndrive: identify-config/drives/tmotor-u8-pro.yaml\n"
+        "columns: {load: torque_nm, speed: speed_rad_s, supply: bus_v, supply_current: bus_a}\n"
+        "numbers: {saturation_a: 0.001}\n"
+        "recordings: [{file: identify-config/validation/data/dyno-u8/fit.csv}]\n");
     unlink("identify-config");
     assert_int_equal(symlink(HIL_SOURCE_DIR "/config", "identify-config"), 0);
     assert_no_error(validation_run("identify-diverged.yaml", &arena, &validation, &error),
@@ -731,18 +722,15 @@ TEST(a_bench_fails_if_a_simulation_diverges)
 static void refuses_rows(const char *text, const char *expected)
 {
     const char *path = "identify-rows.csv";
-    FILE *file = fopen(path, "w");
     struct recording made;
 
-    assert_non_null(file);
-    assert_true(fputs(text, file) >= 0);
-    fclose(file);
+    put_file(path, text);
     assert_int_equal(recording_read(&bench, path, NULL, &arena, &made, &error), ERROR_INPUT);
-    if (!strstr(error.text, expected)) {
-        fail_msg("found \"%s\", expected \"%s\"", error.text, expected);
-    }
+    assert_error_has(expected);
     remove(path);
 }
+
+#define SERVO "# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v\n"
 
 TEST(wrong_recordings_are_refused_with_their_line)
 {
@@ -750,19 +738,14 @@ TEST(wrong_recordings_are_refused_with_their_line)
     refuses_rows("time_s,x\n", "no \"kp\" with a number");
     refuses_rows("# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v,goal_rad\n",
                  "identify-rows.csv:2: found column \"goal_rad\" again, expected it once");
-    refuses_rows(
-        "\xef\xbb\xbf# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v\n0,x,0,1,7\n",
-        "identify-rows.csv:3: column 2 (position_rad): found \"x\", expected a number");
+    refuses_rows("\xef\xbb\xbf" SERVO "0,x,0,1,7\n",
+                 "identify-rows.csv:3: column 2 (position_rad): found \"x\", expected a number");
     refuses_rows("# kp 100, so\ntime_s,position_rad\n0,1\n", "no column \"goal_rad\"");
-    refuses_rows("# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v\n"
-                 "0,0,0,1,7\n0,0,0,1,7\n",
-                 "expected a later one");
-    refuses_rows("# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v\n0,0,0,1,7\n",
-                 "found 1 rows");
-    refuses_rows("# kp 100\ntime_s,position_rad,goal_rad,torque_enable,supply_v\n"
-                 "0,0,0,1,7\n5,0,0,1,7\n10,0,0,1,7\n15,0,0,1,7\n20,0,0,1,7\n25,0,0,1,7\n"
-                 "30,0,0,1,7\n35,0,0,1,7\n40,0,0,1,7\n45,0,0,1,7\n50,0,0,1,7\n55,0,0,1,7\n"
-                 "60,0,0,1,7\n65,0,0,1,7\n70,0,0,1,7\n75,0,0,1,7\n",
+    refuses_rows(SERVO "0,0,0,1,7\n0,0,0,1,7\n", "expected a later one");
+    refuses_rows(SERVO "0,0,0,1,7\n", "found 1 rows");
+    refuses_rows(SERVO "0,0,0,1,7\n5,0,0,1,7\n10,0,0,1,7\n15,0,0,1,7\n20,0,0,1,7\n25,0,0,1,7\n"
+                       "30,0,0,1,7\n35,0,0,1,7\n40,0,0,1,7\n45,0,0,1,7\n50,0,0,1,7\n55,0,0,1,7\n"
+                       "60,0,0,1,7\n65,0,0,1,7\n70,0,0,1,7\n75,0,0,1,7\n",
                  "found 16 rows in 75 s, expected one in 0.5 s or more: is the time in seconds?");
     assert_int_equal(
         recording_read(&bench, BENCH_FILE, "00000000", &arena, bench.recording, &error),
