@@ -118,7 +118,7 @@ bool plant_check_energy(struct plant *plant, struct plant_created *created)
 
     /* Compute the stored energy without the oil and without imposed rotors, whose inertia is so
      * large that it would hide all other energy */
-    double inertia = 0.0, stored;
+    double inertia = 0.0;
 
     for (size_t d = 0; d < plant->ndrive; d++) {
         if (plant->condition[d] & DRIVE_IMPOSED) {
@@ -126,13 +126,12 @@ bool plant_check_energy(struct plant *plant, struct plant_created *created)
             plant->sea[d].J = 0.0;
         }
     }
-    stored = plant_stored_mechanical(plant) - plant_hydraulic_energy(plant, plant->state);
+    now.stored = plant_stored_mechanical(plant) - plant_hydraulic_energy(plant, plant->state);
     for (size_t d = 0; d < plant->ndrive; d++) {
         if (plant->condition[d] & DRIVE_IMPOSED) {
             plant->sea[d].J = inertia;
         }
     }
-    now.stored = stored;
 
     if (contact && plant->implicit) {
         const size_t count = contact->ops->patches(contact, plant->patch, PLANT_PATCHES);

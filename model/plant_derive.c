@@ -40,10 +40,8 @@ static double apply_body_wrench(const struct body_motion *motion, const double f
 
     mat3_apply_transposed(motion->R, force, f);
     mat3_apply_transposed(motion->R, moment, n);
-    for (int i = 0; i < 3; i++) {
-        ext->force[i] += f[i];
-        ext->moment[i] += n[i];
-    }
+    vec3_add_scaled(ext->force, 1.0, f, ext->force);
+    vec3_add_scaled(ext->moment, 1.0, n, ext->moment);
     return vec3_dot(force, motion->v) + vec3_dot(moment, motion->w);
 }
 

@@ -112,21 +112,7 @@ void plant_free_place(struct plant *plant, const double *state)
         mat3_apply(motion->R, y + PLANT_FREE_SPIN, motion->w);
         memcpy(motion->v, y + PLANT_FREE_VELOCITY, sizeof motion->v);
         vec3_add_cross(arm, motion->w, motion->v);
-        for (int i = 0; i < 3; i++) {
-            motion->p[i] = y[PLANT_FREE_POSITION + i] - arm[i];
-        }
-    }
-}
-
-/* Computes the quaternion's rate: half its product with the angular velocity in the body frame. */
-static void quaternion_rate(const double quaternion[4], const double w[3], double rate[4])
-{
-    const double *v = quaternion + 1;
-
-    rate[0] = -0.5 * vec3_dot(v, w);
-    vec3_cross(v, w, rate + 1);
-    for (int i = 0; i < 3; i++) {
-        rate[1 + i] = 0.5 * (rate[1 + i] + quaternion[0] * w[i]);
+        vec3_sub(y + PLANT_FREE_POSITION, arm, motion->p);
     }
 }
 
@@ -138,11 +124,16 @@ void plant_free_derive(const struct plant *plant, const double *state, double *d
         const double *y = state + plant_free_offset(plant, b, PLANT_FREE_POSITION);
         const struct wrench *ext = &plant->ext[robot->nbody + b];
         double *out = derivative + plant_free_offset(plant, b, PLANT_FREE_POSITION);
-        double force[3];
+        const double *quaternion = y + PLANT_FREE_QUATERNION, *w = y + PLANT_FREE_SPIN;
+        double *rate = out + PLANT_FREE_QUATERNION, force[3];
 
+        /* The quaternion's rate is half its product with the angular velocity in the body frame */
         memcpy(out + PLANT_FREE_POSITION, y + PLANT_FREE_VELOCITY, 3 * sizeof *out);
-        quaternion_rate(y + PLANT_FREE_QUATERNION, y + PLANT_FREE_SPIN,
-                        out + PLANT_FREE_QUATERNION);
+        rate[0] = -0.5 * vec3_dot(quaternion + 1, w);
+        vec3_cross(quaternion + 1, w, rate + 1);
+        for (int i = 0; i < 3; i++) {
+            rate[1 + i] = 0.5 * (rate[1 + i] + quaternion[0] * w[i]);
+        }
         mat3_apply(plant->motion[robot->nbody + b].R, ext->force, force);
         for (int i = 0; i < 3; i++) {
             out[PLANT_FREE_VELOCITY + i] =
@@ -151,7 +142,6 @@ void plant_free_derive(const struct plant *plant, const double *state, double *d
 
         /* Compute the angular acceleration by Euler's equation about the center of mass, in the
          * body frame: I w' = moment - w x I w */
-        const double *w = y + PLANT_FREE_SPIN;
         const struct robot_inertia *inertia = &plant->config.free[b].inertia;
         double momentum[3], moment[3];
 
@@ -188,8 +178,6 @@ void plant_free_pose(const struct plant *plant, size_t i, double pose[7])
 
     mat3_from_quaternion(y + PLANT_FREE_QUATERNION, R);
     mat3_apply(R, plant->config.free[i].inertia.com, arm);
-    for (int k = 0; k < 3; k++) {
-        pose[k] = y[PLANT_FREE_POSITION + k] - arm[k];
-    }
+    vec3_sub(y + PLANT_FREE_POSITION, arm, pose);
     memcpy(pose + 3, y + PLANT_FREE_QUATERNION, 4 * sizeof *pose);
 }

@@ -50,9 +50,7 @@ static void observe_frame(const struct plant *plant, const struct robot_frame *f
     mat3_mul(motion->R, frame->rotation, out->R);
     mat3_apply(motion->R, frame->position, arm);
     accelerate_point(acceleration->a, motion->w, acceleration->alpha, arm, a);
-    for (int i = 0; i < 3; i++) {
-        a[i] -= plant->config.robot->gravity[i];
-    }
+    vec3_sub(a, plant->config.robot->gravity, a);
     mat3_apply_transposed(out->R, motion->w, out->w);
     mat3_apply_transposed(out->R, acceleration->alpha, out->alpha);
     mat3_apply_transposed(out->R, a, out->specific);
@@ -238,9 +236,7 @@ enum error_code plant_sample(struct plant *plant)
         sym3_apply(distal->I, motion.alpha, rate);
         sym3_apply(distal->I, motion.w, spin);
         vec3_add_cross(motion.w, spin, rate);
-        for (int i = 0; i < 3; i++) {
-            ft->torque_nm[i] -= rate[i];
-        }
+        vec3_sub(ft->torque_nm, rate, ft->torque_nm);
 
         sample_ft_peak(plant, &robot->ft[f], &plant->sensors.ft[f]);
     }

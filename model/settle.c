@@ -202,41 +202,32 @@ static enum error_code check_equilibrium(struct settle *s, struct settled *settl
 
 /* ---- the robot's drives ---- */
 
-/* Returns the torque of the couplings of joint j at rest, N m. */
-static double coupling_torque(const struct plant *plant, size_t j)
+/* Returns the torque that the drive of joint j must exert, N m. */
+static double drive_torque(const struct settle *s, size_t j)
 {
+    const struct plant *plant = s->plant;
     const struct robot *robot = plant->config.robot;
-    double torque = 0.0;
+    double coupled = 0.0, tau;
 
     for (size_t i = 0; i < robot->ncoupling; i++) {
         const struct robot_coupling *coupling = &robot->coupling[i];
         const double error = coupling_error(coupling, plant->state + plant->at.v - robot->njoint);
         const double force = coupling_force(coupling, error, 0.0);
 
-        torque -= coupling->follower == (int)j ? force : 0.0;
-        torque += coupling->leader == (int)j ? coupling->multiplier * force : 0.0;
+        coupled -= coupling->follower == (int)j ? force : 0.0;
+        coupled += coupling->leader == (int)j ? coupling->multiplier * force : 0.0;
     }
-    return torque;
-}
-
-/* Returns the torque that the drive of joint j must exert, N m. */
-static double drive_torque(const struct settle *s, size_t j)
-{
-    const struct plant *plant = s->plant;
-    double tau =
-        s->f[plant->config.robot->nv - plant->config.robot->njoint + j] - coupling_torque(plant, j);
-
+    tau = s->f[robot->nv - robot->njoint + j] - coupled;
     for (size_t k = 0; k < plant->nspring; k++) {
         if (plant->spring_joint[k] == j) {
-            tau -= parallel_spring_torque(&plant->config.robot->joint[j].spring,
+            tau -= parallel_spring_torque(&robot->joint[j].spring,
                                           plant->state[plant->at.pretension + k], 0.0,
                                           plant_joint_position(plant, plant->state, j), 0.0);
         }
     }
-    tau -= passive_torque(&plant->config.robot->joint[j].passive,
-                          plant_joint_position(plant, plant->state, j), 0.0);
-    return tau - stop_torque(&plant->config.robot->joint[j].stop,
-                             plant_joint_depth(plant, plant->state, j), 0.0);
+    tau -=
+        passive_torque(&robot->joint[j].passive, plant_joint_position(plant, plant->state, j), 0.0);
+    return tau - stop_torque(&robot->joint[j].stop, plant_joint_depth(plant, plant->state, j), 0.0);
 }
 
 /* Returns whether joint j has a passive spring, but no drive and no coupling. Stops may hold it

@@ -185,9 +185,7 @@ enum error_code settle_weigh(struct settle *s, double *g)
             vec3_add_cross(ext->force, inertia->com, moment);
             mat3_apply(plant->motion[body].R, ext->force, rest->force);
             mat3_apply(plant->motion[body].R, moment, rest->moment);
-            for (int i = 0; i < 3; i++) {
-                rest->force[i] += inertia->mass * plant->config.robot->gravity[i];
-            }
+            vec3_add_scaled(rest->force, inertia->mass, plant->config.robot->gravity, rest->force);
         }
         g[UNKNOWN_UP] = vec3_dot(rest->force, s->up);
         g[UNKNOWN_FIRST_TILT] = vec3_dot(rest->moment, s->across[0]) / rest->radius;
@@ -399,9 +397,7 @@ enum error_code settle_friction_angle(struct settle *s, size_t body, double *ang
     }
 
     /* The angle follows from the resisting force over the pressing force */
-    for (int i = 0; i < 3; i++) {
-        load[i] = rest->force[i] + rest->weight * s->up[i];
-    }
+    vec3_add_scaled(rest->force, rest->weight, s->up, load);
     *angle = portable_atan2(-vec3_dot(load, along), vec3_dot(load, support) / vec3_norm(support));
     return ERROR_NONE;
 }

@@ -79,9 +79,7 @@ static double surface_nominal_area(const struct contact_surface *given,
     default:
         break;
     }
-    for (int k = 0; k < 3; k++) {
-        side[k] = s->solid->box.high[k] - s->solid->box.low[k];
-    }
+    vec3_sub(s->solid->box.high, s->solid->box.low, side);
     return fmax(side[0] * side[1], fmax(side[1] * side[2], side[2] * side[0]));
 }
 

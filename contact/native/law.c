@@ -260,19 +260,6 @@ static void find_moments(const struct resistance *by, const double *weight, stru
     moments_add_springs(arm, weight, by->n, m);
 }
 
-/* Adds stiffness and damping of springs that all push along the unit vector d (world frame) to K
- * and D, by their moments. */
-static void tangent_add_one_way(const struct resistance *by, const double d[3],
-                                struct contact_tangent *tangent)
-{
-    struct moments stiffness, damping;
-
-    find_moments(by, by->stiffness, &stiffness);
-    find_moments(by, by->damping, &damping);
-    tangent_add_along(1, &stiffness, d, tangent->K);
-    tangent_add_along(1, &damping, d, tangent->D);
-}
-
 /* Adds the damping of sticking friction that each spring bears by itself to friction_D: in all
  * directions, minus the part along the normals. Subtracts from slide_D the part along the sliding
  * directions, along which friction at its limit does not change. direction: the common normal of
@@ -307,9 +294,13 @@ void native_law_sum(struct native_batch *batch, const struct native_law *law,
             law_find_resistance(batch, start, law, relative, sum, &by);
             if (sum->one_way) {
                 const double d[3] = {batch->d[0][start], batch->d[1][start], batch->d[2][start]};
+                struct moments stiffness, damping;
 
                 mat3_apply(sum->turn, d, direction);
-                tangent_add_one_way(&by, direction, sum->tangent);
+                find_moments(&by, by.stiffness, &stiffness);
+                find_moments(&by, by.damping, &damping);
+                tangent_add_along(1, &stiffness, direction, sum->tangent->K);
+                tangent_add_along(1, &damping, direction, sum->tangent->D);
             } else {
                 /* Compute each spring's direction in the world frame and the moment of a unit force
                  * along it about the tangent's center (m) */

@@ -91,22 +91,6 @@ void native_place_fixed_surfaces(struct native_engine *e)
     }
 }
 
-/* Computes the poses of a pair's two surfaces. Skips poses that this evaluation has already
- * computed. */
-static void pair_place_surfaces(struct native_engine *e, const struct native_pair *pair,
-                                const struct body_motion *motion)
-{
-    for (int side = 0; side < 2; side++) {
-        int index = pair->surface[side];
-        const struct native_surface *s = &e->surface[index];
-
-        if (!e->placed[index]) {
-            surface_place(s, &motion[s->body], &e->pose[index]);
-            e->placed[index] = true;
-        }
-    }
-}
-
 /* Computes relative pose and velocity of surface b in the frame of surface a. */
 static void pose_relate(const struct native_pose *a, const struct native_pose *b,
                         struct native_relative *relative)
@@ -191,7 +175,15 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
     /* Until the pair is done, full means that the batch lost springs of this pair */
     batch->n = batch->start = from;
     batch->full = false;
-    pair_place_surfaces(e, pair, motion);
+    for (int side = 0; side < 2; side++) {
+        const int at = pair->surface[side];
+
+        /* Skip poses that this evaluation has already computed */
+        if (!e->placed[at]) {
+            surface_place(&e->surface[at], &motion[e->surface[at].body], &e->pose[at]);
+            e->placed[at] = true;
+        }
+    }
     pose_relate(&e->pose[pair->surface[0]], &e->pose[pair->surface[1]], &relative);
     native_pair_find_force(e, pair, &relative, &sum);
     if (sum.area > 0) {
@@ -308,7 +300,7 @@ static enum error_code native_evaluate(struct contact_world *world,
     }
 
     /* Move the bounding balls to the present poses of the bodies. Compute the poses of half-spaces,
-     * which the broad phase needs; pair_place_surfaces computes the other poses later. */
+     * which the broad phase needs; pair_evaluate computes the other poses later. */
     for (size_t i = 0; i < e->nsurface; i++) {
         const struct native_surface *s = &e->surface[i];
 

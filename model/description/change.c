@@ -43,9 +43,7 @@ static void place_point(const double R[9], const double p[3], double point[3])
     double turned[3];
 
     mat3_apply(R, point, turned);
-    for (int i = 0; i < 3; i++) {
-        point[i] = p[i] + turned[i];
-    }
+    vec3_add_scaled(p, 1.0, turned, point);
 }
 
 /* Transforms a point and a rotation in the same way. */

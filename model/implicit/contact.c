@@ -336,10 +336,8 @@ void implicit_find_contact(struct plant *plant)
 
         /* The wrench decreases by A times the relative acceleration in excess of the point's */
         *beyond = relative_twist(plant, pair, plant->implicit->twist_z);
-        for (int i = 0; i < 3; i++) {
-            beyond->l[i] -= pair->point.l[i];
-            beyond->a[i] -= pair->point.a[i];
-        }
+        vec3_sub(beyond->l, pair->point.l, beyond->l);
+        vec3_sub(beyond->a, pair->point.a, beyond->a);
         spatial_inertia_apply(&pair->A, beyond, &pair->decrease);
     }
 }
@@ -358,10 +356,8 @@ void implicit_end_contact(struct plant *plant)
         struct active_pair *pair = &im->active[t];
         const struct spatial *beyond = &pair->beyond;
 
-        for (int i = 0; i < 3; i++) {
-            pair->decrease.l[i] -= pair->changed.l[i];
-            pair->decrease.a[i] -= pair->changed.a[i];
-        }
+        vec3_sub(pair->decrease.l, pair->changed.l, pair->decrease.l);
+        vec3_sub(pair->decrease.a, pair->changed.a, pair->decrease.a);
         im->jump = fmax(im->jump, im->stage_h * sqrt(vec3_dot(beyond->l, beyond->l)));
         for (int side = PAIR_A; side <= PAIR_B; side++) {
             if (pair->body[side] >= 0) {
@@ -447,9 +443,7 @@ void implicit_patches(const struct plant *plant, struct contact_patch *patch, si
                 struct spatial sum = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
                 double arm[3];
 
-                for (int k = 0; k < 3; k++) {
-                    arm[k] = pair->center[k] - patch[i].center[k];
-                }
+                vec3_sub(pair->center, patch[i].center, arm);
                 spatial_add_wrench(-1.0, &pair->decrease, arm, &sum);
                 add_scaled(1.0, sum.l, patch[i].force, 3);
                 add_scaled(1.0, sum.a, patch[i].moment, 3);

@@ -250,9 +250,7 @@ static inline bool implicit_moves(const struct plant *plant, int contact)
 static inline void implicit_arm(const struct plant *plant, int contact, const double center[3],
                                 double arm[3])
 {
-    for (int i = 0; i < 3; i++) {
-        arm[i] = center[i] - implicit_motion(plant, contact)->p[i];
-    }
+    vec3_sub(center, implicit_motion(plant, contact)->p, arm);
 }
 
 /* Adds scale times x to y. */
@@ -269,10 +267,8 @@ static inline void add_contact_wrench(struct plant *plant, int contact, const st
 {
     struct spatial own = spatial_turn_back(implicit_motion(plant, contact)->R, f);
 
-    for (int i = 0; i < 3; i++) {
-        ext->force[i] += own.l[i];
-        ext->moment[i] += own.a[i];
-    }
+    vec3_add_scaled(ext->force, 1.0, own.l, ext->force);
+    vec3_add_scaled(ext->moment, 1.0, own.a, ext->moment);
 }
 
 /* ---- one stage: stage.c ---- */

@@ -115,9 +115,7 @@ static void find_slope(struct plant *plant)
 
         mat3_from_quaternion(im->point + BASE_Q_QUATERNION, R);
         find_base_transport(plant, transport);
-        for (int i = 0; i < 3; i++) {
-            linear[i] = im->a[BASE_V_LINEAR + i] + transport[i];
-        }
+        vec3_add_scaled(im->a + BASE_V_LINEAR, 1.0, transport, linear);
         mat3_apply(R, linear, im->slope + BASE_V_LINEAR);
     }
     for (size_t b = 0; b < plant->config.nfree; b++) {

@@ -67,9 +67,7 @@ static void place_joint(const struct robot_joint *joint, const double align[9], 
 
     mat3_apply_transposed(align, joint->origin, place->r);
     clean_vector(place->r);
-    for (int m = 0; m < 3; m++) {
-        place->r[m] += at[m];
-    }
+    vec3_add_scaled(place->r, 1.0, at, place->r);
     clean_vector(place->r);
     mat3_apply(joint->rotation, joint->axis, in_parent);
     mat3_apply_transposed(align, in_parent, a);
@@ -214,9 +212,7 @@ static void choose_offset(const struct robot *robot, size_t b, struct tree_body 
         mat3_apply(robot->joint[c - 1].rotation, robot->joint[c - 1].axis, in_parent);
         mat3_apply_transposed(start, in_parent, across[0]);
         mat3_apply_transposed(start, robot->joint[c - 1].origin, across[1]);
-        for (int m = 0; m < 3; m++) {
-            across[1][m] += at[m];
-        }
+        vec3_add_scaled(across[1], 1.0, at, across[1]);
         for (int n = 0; n < 2; n++) {
             /* The angle that rotates the component across the axis onto a coordinate axis */
             const double turned =
@@ -312,9 +308,7 @@ static void set_body(const struct robot *robot, size_t b, struct tree *tree)
         if (cost < best - 1.0) {
             best = cost;
             memcpy(body->at, at, sizeof at);
-            for (int m = 0; m < 3; m++) {
-                body->r[m] = place.r[m] - moved[m];
-            }
+            vec3_sub(place.r, moved, body->r);
         }
     }
 
@@ -408,9 +402,7 @@ enum error_code tree_create(const struct robot *robot, int lanes, struct tree *t
 
         /* Compute m, h and K of a body in its working frame */
         mat3_apply_transposed(body->align, robot->body[b].inertia.com, com);
-        for (int m = 0; m < 3; m++) {
-            com[m] += body->at[m];
-        }
+        vec3_add_scaled(com, 1.0, body->at, com);
         memcpy(I, robot->body[b].inertia.I, sizeof I);
         mat3_transpose(body->align, transposed);
         if (!body->aligned) {
