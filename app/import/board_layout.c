@@ -2,6 +2,7 @@
 /* Plans the buses of an imported robot: assigns joints and sensors to buses. */
 #include "app/import/board_layout.h"
 
+#include "app/import/path.h"
 #include "base/config.h"
 #include "base/text.h"
 #include "boards/described/protocol.h"
@@ -53,8 +54,9 @@ enum error_code import_find_boards(const char *name, struct arena *arena,
 {
     const size_t length = name ? strlen(name) : 0;
     const bool fd = length > 3 && !strcmp(name + length - 3, "-fd");
-    char word[64], real[PATH_MAX], *file;
+    enum error_code code;
     const char *path;
+    char word[64];
 
     /* A protocol in C; the suffix "-fd" selects CAN FD */
     snprintf(word, sizeof word, "%.*s", (int)(fd ? length - 3 : length), name ? name : "");
@@ -68,7 +70,7 @@ enum error_code import_find_boards(const char *name, struct arena *arena,
     /* The name of a protocol file, or the path of a user's own file; a rig file names the copy
      * ../protocols/NAME */
     if (!strpbrk(name, "/.")) {
-        enum error_code code = config_locate_from(CONFIG_PROTOCOL, name, "", arena, &path, error);
+        code = config_locate_from(CONFIG_PROTOCOL, name, "", arena, &path, error);
         const bool follows =
             code == ERROR_INPUT && fd &&
             !config_locate_from(CONFIG_PROTOCOL, word, "", arena, &path, &(struct error){0});
@@ -80,23 +82,13 @@ enum error_code import_find_boards(const char *name, struct arena *arena,
         return code && !follows ? error_prefix(error, "--protocol")
                                 : boards_read_file(path, follows, arena, boards, error);
     }
-    if (!realpath(name, real)) {
-        return error_set(error, ERROR_INPUT,
-                         "--protocol: found \"%.200s\", expected a protocol or its file: no such "
-                         "file; `coman-hil list protocols` lists the protocols",
-                         name);
+    code = import_find_own_file(
+        "protocol", name,
+        "a protocol or its file: no such file; `coman-hil list protocols` lists the protocols",
+        arena, &boards->copy, &boards->name, error);
+    if (code) {
+        return code;
     }
-    file = strrchr(real, '/') + 1;
-    if (!text_is_name(file)) {
-        return error_set(error, ERROR_INPUT,
-                         "--protocol: found \"%.200s\", expected letters, digits and _ - . only in "
-                         "the name of a protocol's file",
-                         file);
-    }
-    boards->copy = arena_strdup(arena, real);
-    snprintf(real, sizeof real, "../protocols/%.200s",
-             strrchr(boards->copy ? boards->copy : "/", '/') + 1);
-    boards->name = arena_strdup(arena, real);
     return boards->copy && boards->name
                ? boards_read_file(boards->copy, false, arena, boards, error)
                : error_set(error, ERROR_MEMORY, "no memory for the protocol");
@@ -144,18 +136,6 @@ static bool joint_is_for(const struct robot_joint *joint, bool valves)
     return valves ? joint->hydraulic.present : joint->sea.present;
 }
 
-/* Counts the joints with motors or, if `valves`, with servo valves, on the limb of a body. */
-static size_t limb_count_axes(const struct robot *robot, int limb, bool valves)
-{
-    size_t count = 0;
-
-    for (size_t j = 0; j < robot->njoint; j++) {
-        count +=
-            joint_is_for(&robot->joint[j], valves) && body_find_limb(robot, (int)j + 1) == limb;
-    }
-    return count;
-}
-
 /* Assigns joints to buses in order. A new limb starts a new bus unless all its joints fit on the
  * last bus. */
 static enum error_code plan_add_joints(const struct robot *robot, size_t most, bool valves,
@@ -172,7 +152,13 @@ static enum error_code plan_add_joints(const struct robot *robot, size_t most, b
         }
 
         /* One more joint of the same limb must fit, or all joints of a new limb */
-        if (!bus || bus->njoint + (own == limb ? 1 : limb_count_axes(robot, own, valves)) > most) {
+        size_t more = own == limb;
+
+        for (size_t k = 0; k < robot->njoint && own != limb; k++) {
+            more +=
+                joint_is_for(&robot->joint[k], valves) && body_find_limb(robot, (int)k + 1) == own;
+        }
+        if (!bus || bus->njoint + more > most) {
             enum error_code code = plan_add_bus(plan, valves ? "servo-valve" : NULL, &bus, error);
 
             if (code) {

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Selects catalogue drives for the joints of an import, by the rules in app/import/drive.h. */
 #include "app/import/drive.h"
+#include "app/import/path.h"
 
 #include "base/config.h"
 #include "base/text.h"
@@ -27,46 +28,22 @@ double import_drive_torque(const struct robot_drive *drive)
     return drive->torque > 0.0 ? drive->torque : drive->sea.Kt * drive->supply_v / drive->sea.R;
 }
 
-/* Returns the name of a copied drive in a robot file, "../drives/NAME". Returns NULL without
- * memory. */
-static char *drive_name_own(const char *name, struct arena *arena)
-{
-    static const char before[] = "../drives/";
-    char *file = arena_alloc(arena, sizeof before + strlen(name), 1);
-
-    return file ? strcat(strcpy(file, before), name) : NULL;
-}
-
 /* Finds the drive file of an option. A path (with "/" or ".") is a user's own file, which the
  * import copies to its folder drives. Another name is in the catalogue. */
 static enum error_code drive_pick_locate(struct drive_pick *pick, struct arena *arena,
                                          const char **path, struct error *error)
 {
-    char whole[PATH_MAX];
     enum error_code code;
 
     /* A path: the robot file names the copy ../drives/NAME */
     if (strpbrk(pick->file, "/.")) {
-        const char *slash, *name;
-
-        if (!realpath(pick->file, whole)) {
-            return error_set(error, ERROR_INPUT,
-                             "--drive: found \"%.200s\", expected a drive of the catalogue or its "
-                             "file: no such file",
-                             pick->file);
-        }
-        slash = strrchr(whole, '/');
-        name = slash ? slash + 1 : whole;
-        if (!text_is_name(name)) {
-            return error_set(error, ERROR_INPUT,
-                             "--drive: found \"%.200s\", expected letters, digits and _ - . only "
-                             "in the name of a drive's file",
-                             name);
-        }
-        *path = pick->copy = arena_strdup(arena, whole);
-        pick->file = drive_name_own(name, arena);
-        return *path && pick->file ? ERROR_NONE
-                                   : error_set(error, ERROR_MEMORY, "no memory for the drives");
+        code = import_find_own_file("drive", pick->file,
+                                    "a drive of the catalogue or its file: no such file", arena,
+                                    &pick->copy, &pick->file, error);
+        *path = pick->copy;
+        return code || (*path && pick->file)
+                   ? code
+                   : error_set(error, ERROR_MEMORY, "no memory for the drives");
     }
 
     /* A name in the catalogue */

@@ -20,20 +20,6 @@
 
 /* ---- where a mesh is ---- */
 
-/* Checks whether a path contains "..". */
-static bool path_has_parent(const char *path)
-{
-    for (const char *at = path; *at;) {
-        size_t length = strcspn(at, "/");
-
-        if (length == 2 && at[0] == '.' && at[1] == '.') {
-            return true;
-        }
-        at += length + (at[length] == '/');
-    }
-    return false;
-}
-
 /* Writes the path folder/rest, using `length` characters of the folder. Returns whether it is a
  * regular file. */
 static bool path_try(const char *folder, int length, const char *rest, char path[PATH_MAX])
@@ -89,7 +75,7 @@ enum import_path import_find_mesh(const struct import_model *model,
     name += !strncmp(name, plain, sizeof plain - 1) ? sizeof plain - 1 : 0;
     if (!import_find_folder(model->file, folder)) {
         error_set_file(error, errno, model->file, "cannot be found again");
-    } else if (is_package && path_has_parent(name)) {
+    } else if (is_package && import_has_word(name, '/', "..")) {
         import_error(error, shape->file, shape->line,
                      "found mesh \"%.200s\", expected no \"..\" in it", shape->mesh);
     } else if (is_package) {

@@ -141,18 +141,11 @@ static const xmlNode *mjcf_next_part(const xmlNode *body, const xmlNode *after)
 
 /* ---- joints ---- */
 
-const char *mjcf_file(const struct import_reader *r, const xmlNode *node)
-{
-    const char *name = xml_name(r->file, node);
-
-    return name == r->file->name ? r->model->file : name;
-}
-
 /* Adds a link and returns its index. */
 static int mjcf_add_link(const struct import_reader *r, const char *name, const xmlNode *node)
 {
     r->model->link[r->model->nlink] =
-        (struct import_link){.name = name, .file = mjcf_file(r, node), .line = xml_line(node)};
+        (struct import_link){.name = name, .file = xml_name(r->file, node), .line = xml_line(node)};
     return (int)r->model->nlink++;
 }
 
@@ -165,7 +158,7 @@ static struct import_joint *mjcf_add_joint(const struct import_reader *r, const 
     struct import_joint *joint = &model->joint[model->njoint++];
 
     *joint = (struct import_joint){.name = name,
-                                   .file = mjcf_file(r, node),
+                                   .file = xml_name(r->file, node),
                                    .line = xml_line(node),
                                    .type = type,
                                    .parent = model->link[parent].name,
@@ -180,9 +173,9 @@ static struct import_joint *mjcf_add_joint(const struct import_reader *r, const 
  * the joint has the angle ref in MuJoCo, but 0 here. So ref is subtracted from the limits and from
  * the spring's rest. */
 static void mjcf_read_joint_numbers(const struct import_reader *r, const xmlNode *node,
-                                    const char *childclass, struct import_joint *joint)
+                                    struct import_joint *joint)
 {
-    const char *limited = mjcf_attribute(r, node, childclass, "limited");
+    const char *limited = mjcf_attribute(r, node, "limited");
     const double unit = joint->type == IMPORT_PRISMATIC ? 1.0 : r->angle;
     const size_t own = (size_t)(joint - r->model->joint);
     double range[2] = {0, 0}, *ref = &r->ref[own], length, axis[3];
@@ -199,9 +192,9 @@ static void mjcf_read_joint_numbers(const struct import_reader *r, const xmlNode
 
     joint->axis[2] = 1.0;
     for (size_t i = 0; i < ARRAY_COUNT(numbers); i++) {
-        mjcf_reals(r, node, childclass, numbers[i].name, numbers[i].count, numbers[i].value);
+        mjcf_reals(r, node, numbers[i].name, numbers[i].count, numbers[i].value);
     }
-    ranged = mjcf_reals(r, node, childclass, "range", 2, range);
+    ranged = mjcf_reals(r, node, "range", 2, range);
     length = vec3_norm(joint->axis);
     if (!(length > 1e-6 && length < 1e6)) {
         xml_refuse(r->file, node, "found an axis of length %g, expected a direction", length);
@@ -215,7 +208,7 @@ static void mjcf_read_joint_numbers(const struct import_reader *r, const xmlNode
     *ref *= unit;
     r->force[own][0] = -(double)INFINITY;
     r->force[own][1] = (double)INFINITY;
-    if (mjcf_clamp(r, node, childclass, "actuatorfrc", 1.0, r->force[own])) {
+    if (mjcf_clamp(r, node, "actuatorfrc", 1.0, r->force[own])) {
         joint->effort = fmax(fabs(r->force[own][0]), fabs(r->force[own][1]));
     }
     joint->has_limit =
@@ -242,9 +235,9 @@ static void mjcf_read_joint_numbers(const struct import_reader *r, const xmlNode
 
 /* Reads the type of a joint: free, hinge or slide; refuses ball joints. */
 static enum import_joint_type mjcf_read_joint_type(const struct import_reader *r,
-                                                   const xmlNode *node, const char *childclass)
+                                                   const xmlNode *node)
 {
-    const char *word = mjcf_attribute(r, node, childclass, "type");
+    const char *word = mjcf_attribute(r, node, "type");
 
     if (xml_is(node, "freejoint") || (word && !strcmp(word, "free"))) {
         return IMPORT_FLOATING;
@@ -264,7 +257,7 @@ static enum import_joint_type mjcf_read_joint_type(const struct import_reader *r
 /* A body during reading: the link for its next joint, and the pose of the body's frame in that
  * link. */
 struct mjcf_body {
-    const char *name, *childclass;
+    const char *name;
     const xmlNode *node;
     int link, joints, left; /* number of joints read, and number left */
     struct import_place place;
@@ -273,7 +266,7 @@ struct mjcf_body {
 /* Reads one joint of a body, and adds a link at the joint's anchor. */
 static void mjcf_read_joint(struct import_reader *r, const xmlNode *node, struct mjcf_body *body)
 {
-    const enum import_joint_type type = mjcf_read_joint_type(r, node, body->childclass);
+    const enum import_joint_type type = mjcf_read_joint_type(r, node);
     const char *name = xml_attribute(node, "name");
     struct import_place anchor, frame, at;
     struct import_joint *joint;
@@ -281,7 +274,7 @@ static void mjcf_read_joint(struct import_reader *r, const xmlNode *node, struct
 
     import_place_identity(&anchor);
     if (type != IMPORT_FLOATING) {
-        mjcf_reals(r, node, body->childclass, "pos", 3, anchor.xyz);
+        mjcf_reals(r, node, "pos", 3, anchor.xyz);
         if (mjcf_read_frame(r, node, &frame)) {
             import_place_compose(&frame, &anchor, &at);
             memcpy(anchor.xyz, at.xyz, sizeof anchor.xyz);
@@ -303,13 +296,11 @@ static void mjcf_read_joint(struct import_reader *r, const xmlNode *node, struct
 
     /* In the new link, the body's frame is displaced by minus the anchor */
     import_place_identity(&body->place);
-    for (int m = 0; m < 3; m++) {
-        body->place.xyz[m] = 0.0 - anchor.xyz[m]; /* avoids -0 */
-    }
+    vec3_sub(body->place.xyz, anchor.xyz, body->place.xyz);
     body->link = link;
     body->joints++;
     if (type != IMPORT_FLOATING) {
-        mjcf_read_joint_numbers(r, node, body->childclass, joint);
+        mjcf_read_joint_numbers(r, node, joint);
     }
 }
 
@@ -328,7 +319,7 @@ static void mjcf_read_inertial(const struct import_reader *r, const xmlNode *nod
     const bool diagonal = !full && xml_reals(r->file, node, "diaginertia", 3, value);
 
     link->inertia_line = xml_line(node);
-    mjcf_read_place(r, node, NULL, &place);
+    mjcf_read_place(r, node, &place);
     if ((full ? xml_attribute(node, "diaginertia") != NULL : !diagonal) || inertia.mass < 0 ||
         inertia.mass > 1e6) {
         xml_refuse(r->file, node,
@@ -345,8 +336,7 @@ static void mjcf_read_inertial(const struct import_reader *r, const xmlNode *nod
 }
 
 /* Reads inertia and geoms of a body into its link, and the site of the inertial sensor. */
-static void mjcf_read_matter(const struct import_reader *r, const xmlNode *node,
-                             const char *childclass, int own)
+static void mjcf_read_matter(const struct import_reader *r, const xmlNode *node, int own)
 {
     struct import_model *model = r->model;
     struct import_link *link = &model->link[own];
@@ -368,17 +358,17 @@ static void mjcf_read_matter(const struct import_reader *r, const xmlNode *node,
     for (const xmlNode *child = mjcf_next_part(node, NULL); child;
          child = mjcf_next_part(node, child)) {
         if (xml_is(child, "geom")) {
-            mjcf_read_geom(r, child, childclass, own, of_geoms ? &link->inertia : NULL);
+            mjcf_read_geom(r, child, own, of_geoms ? &link->inertia : NULL);
         } else if (xml_is(child, "site") && r->imu_site &&
                    !strcmp(reader_text(child, "name"), r->imu_site) && model->nsensor == 0) {
             struct import_sensor *sensor = &model->sensor[model->nsensor++];
 
             *sensor = (struct import_sensor){.kind = IMPORT_IMU,
                                              .name = reader_copy(r, r->imu_name),
-                                             .file = mjcf_file(r, child),
+                                             .file = xml_name(r->file, child),
                                              .line = xml_line(child),
                                              .link = link->name};
-            mjcf_read_place(r, child, childclass, &sensor->place);
+            mjcf_read_place(r, child, &sensor->place);
         } else if (xml_is(child, "site")) {
             reader_skip(r, child, NULL);
         }
@@ -386,17 +376,15 @@ static void mjcf_read_matter(const struct import_reader *r, const xmlNode *node,
     link->has_inertia = link->inertia.mass > 0;
 }
 
-static void mjcf_read_body(struct import_reader *r, const xmlNode *node, int parent,
-                           const char *childclass, int depth);
+static void mjcf_read_body(struct import_reader *r, const xmlNode *node, int parent, int depth);
 
 /* Reads the bodies in a body. */
-static void mjcf_read_children(struct import_reader *r, const xmlNode *node, int parent,
-                               const char *childclass, int depth)
+static void mjcf_read_children(struct import_reader *r, const xmlNode *node, int parent, int depth)
 {
     for (const xmlNode *child = mjcf_next_part(node, NULL); child;
          child = mjcf_next_part(node, child)) {
         if (!mjcf_refuse_unexpanded(r, child) && xml_is(child, "body")) {
-            mjcf_read_body(r, child, parent, childclass, depth + 1);
+            mjcf_read_body(r, child, parent, depth + 1);
         } else if (depth == 0 && (xml_is(child, "geom") || xml_is(child, "site"))) {
             reader_skip(r, child, NULL); /* of the world */
         }
@@ -421,13 +409,11 @@ static void mjcf_end_body(const struct import_reader *r, struct mjcf_body *body)
 
 /* Reads a body: the chain of links from its joints, its inertia and geoms, then its child
  * bodies. */
-static void mjcf_read_body(struct import_reader *r, const xmlNode *node, int parent,
-                           const char *childclass, int depth)
+static void mjcf_read_body(struct import_reader *r, const xmlNode *node, int parent, int depth)
 {
     static const char *const joints[] = {"joint", "freejoint", NULL};
-    const char *own = xml_attribute(node, "childclass"), *name = xml_attribute(node, "name");
-    struct mjcf_body body = {
-        .childclass = own ? own : mjcf_class(node, childclass), .node = node, .link = parent};
+    const char *name = xml_attribute(node, "name");
+    struct mjcf_body body = {.node = node, .link = parent};
 
     if (depth > MJCF_DEPTH_MAX) {
         xml_refuse(r->file, node, "found bodies more than %d deep, expected fewer", MJCF_DEPTH_MAX);
@@ -442,7 +428,7 @@ static void mjcf_read_body(struct import_reader *r, const xmlNode *node, int par
     } else {
         body.name = reader_format(r, "included-body-%zu", r->model->nlink);
     }
-    mjcf_read_place(r, node, NULL, &body.place);
+    mjcf_read_place(r, node, &body.place);
 
     /* Counts joints first, because the last one's link has the body's name */
     for (const xmlNode *joint = mjcf_next_part(node, NULL); joint;
@@ -456,8 +442,8 @@ static void mjcf_read_body(struct import_reader *r, const xmlNode *node, int par
         }
     }
     mjcf_end_body(r, &body);
-    mjcf_read_matter(r, node, body.childclass, body.link);
-    mjcf_read_children(r, node, body.link, body.childclass, depth);
+    mjcf_read_matter(r, node, body.link);
+    mjcf_read_children(r, node, body.link, depth);
 }
 
 /* ---- the whole ---- */
@@ -560,7 +546,7 @@ enum error_code mjcf_read(const struct xml_file *file, const struct import_packa
     }
     mjcf_add_link(&r, "world", world);
     for (; world; world = xml_next(world, "worldbody")) {
-        mjcf_read_children(&r, world, 0, NULL, 0);
+        mjcf_read_children(&r, world, 0, 0);
     }
     reader_check_names(&r, "body");
     mjcf_set_total_mass(&r);

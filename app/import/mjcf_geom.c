@@ -125,18 +125,18 @@ static bool link_stands_still(const struct import_model *model, int link)
 
 /* Adds a geom's mass and inertia to a body whose inertia comes from geoms. */
 static void geom_add_inertia(const struct import_reader *r, const xmlNode *node,
-                             const char *childclass, const struct import_geometry *g, bool fitted,
+                             const struct import_geometry *g, bool fitted,
                              struct robot_inertia *inertia)
 {
-    const char *shell = mjcf_attribute(r, node, childclass, "shellinertia");
+    const char *shell = mjcf_attribute(r, node, "shellinertia");
     double density = DENSITY, mass = 0.0, group = 0.0;
-    const bool by_mass = mjcf_reals(r, node, childclass, "mass", 1, &mass);
+    const bool by_mass = mjcf_reals(r, node, "mass", 1, &mass);
     struct robot_inertia own = {0};
     struct geom_solid solid;
 
     /* Skip geoms outside inertiagrouprange and geoms without mass */
-    mjcf_reals(r, node, childclass, "density", 1, &density);
-    mjcf_reals(r, node, childclass, "group", 1, &group);
+    mjcf_reals(r, node, "density", 1, &density);
+    mjcf_reals(r, node, "group", 1, &group);
     if (group < r->groups[0] || group > r->groups[1] || (by_mass ? mass == 0.0 : density == 0.0)) {
         return;
     }
@@ -179,8 +179,8 @@ static void geom_move_mesh(const struct import_reader *r, const xmlNode *mesh,
     const struct import_place own = g->place;
     struct import_place moved;
 
-    mjcf_reals(r, mesh, NULL, "refpos", 3, origin);
-    if (mjcf_reals(r, mesh, NULL, "refquat", 4, quat) &&
+    mjcf_reals(r, mesh, "refpos", 3, origin);
+    if (mjcf_reals(r, mesh, "refquat", 4, quat) &&
         (g->scale[0] != g->scale[1] || g->scale[0] != g->scale[2])) {
         xml_refuse(r->file, mesh,
                    "found refquat of a mesh with scale %g %g %g, expected one scale: turned meshes "
@@ -198,9 +198,9 @@ static void geom_move_mesh(const struct import_reader *r, const xmlNode *mesh,
 
 /* Finds the mesh of a geom: its file, below meshdir unless the path is absolute, and its scale. */
 static void geom_read_mesh(const struct import_reader *r, const xmlNode *node,
-                           const char *childclass, struct import_geometry *g)
+                           struct import_geometry *g)
 {
-    const char *name = mjcf_attribute(r, node, childclass, "mesh"), *file, *how;
+    const char *name = mjcf_attribute(r, node, "mesh"), *file, *how;
     const struct xml_name *mesh = name ? xml_names_find(&r->meshes, name, NULL) : NULL;
     bool below;
 
@@ -212,13 +212,13 @@ static void geom_read_mesh(const struct import_reader *r, const xmlNode *node,
         return;
     }
     /* In MuJoCo 3, the mesh gives the method for its inertia */
-    how = mjcf_attribute(r, mesh->node, NULL, "inertia");
+    how = mjcf_attribute(r, mesh->node, "inertia");
     how = how ? how : r->exact_meshes ? "exact" : "";
     g->solid = !strcmp(how, "exact")    ? IMPORT_SOLID_EXACT
                : !strcmp(how, "shell")  ? IMPORT_SOLID_SHELL
                : !strcmp(how, "convex") ? IMPORT_SOLID_CONVEX
                                         : IMPORT_SOLID_PYRAMIDS;
-    if (g->solid == IMPORT_SOLID_CONVEX && mjcf_attribute(r, mesh->node, NULL, "maxhullvert")) {
+    if (g->solid == IMPORT_SOLID_CONVEX && mjcf_attribute(r, mesh->node, "maxhullvert")) {
         xml_refuse(r->file, mesh->node,
                    "found maxhullvert and inertia \"convex\" of a mesh, expected one of them: "
                    "import computes the whole hull");
@@ -226,24 +226,24 @@ static void geom_read_mesh(const struct import_reader *r, const xmlNode *node,
     file = xml_attribute(mesh->node, "file");
     below = *r->meshdir != '\0' && file[0] != '/';
     g->mesh = reader_format(r, "%.200s%s%.300s", below ? r->meshdir : "", below ? "/" : "", file);
-    mjcf_reals(r, mesh->node, NULL, "scale", 3, g->scale);
+    mjcf_reals(r, mesh->node, "scale", 3, g->scale);
     geom_move_mesh(r, mesh->node, g);
 }
 
 /* Reads the shape of a geom. Returns false, with a note, for planes and other shapes that robot
  * files do not have. */
 static bool geom_read_type(const struct import_reader *r, const xmlNode *node,
-                           const char *childclass, struct import_geometry *g)
+                           struct import_geometry *g)
 {
     static const char *const words[] = {
         [IMPORT_SPHERE] = "sphere",       [IMPORT_BOX] = "box",
         [IMPORT_CYLINDER] = "cylinder",   [IMPORT_CAPSULE] = "capsule",
         [IMPORT_ELLIPSOID] = "ellipsoid", [IMPORT_MESH] = "mesh",
     };
-    const char *type = mjcf_attribute(r, node, childclass, "type");
+    const char *type = mjcf_attribute(r, node, "type");
     int i;
 
-    type = type ? type : mjcf_attribute(r, node, childclass, "mesh") ? "mesh" : "sphere";
+    type = type ? type : mjcf_attribute(r, node, "mesh") ? "mesh" : "sphere";
     i = TEXT_INDEX(words, ARRAY_COUNT(words), type);
     g->shape = (enum import_shape)i;
     if (i < 0) {
@@ -257,14 +257,14 @@ static bool geom_read_type(const struct import_reader *r, const xmlNode *node,
 
 /* Reads the dimensions of a geom from size, or from the ends in fromto. */
 static void geom_read_size(const struct import_reader *r, const xmlNode *node,
-                           const char *childclass, struct import_geometry *g)
+                           struct import_geometry *g)
 {
     double size[3] = {0, 0, 0}, ends[6], along[3];
     const bool round = g->shape == IMPORT_CYLINDER || g->shape == IMPORT_CAPSULE;
     int need = g->shape == IMPORT_SPHERE ? 1 : round ? 2 : 3;
 
-    mjcf_some_reals(r, node, childclass, "size", 3, size);
-    if (g->shape != IMPORT_SPHERE && mjcf_reals(r, node, childclass, "fromto", 6, ends)) {
+    mjcf_some_reals(r, node, "size", 3, size);
+    if (g->shape != IMPORT_SPHERE && mjcf_reals(r, node, "fromto", 6, ends)) {
         /* The ends give the length. size gives the half width, the same in x and y */
         vec3_sub(ends, ends + 3, along);
         size[1] = round ? 0.5 * vec3_norm(along) : size[0];
@@ -282,52 +282,53 @@ static void geom_read_size(const struct import_reader *r, const xmlNode *node,
     }
 }
 
-void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, const char *childclass,
-                    int link, struct robot_inertia *inertia)
+void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, int link,
+                    struct robot_inertia *inertia)
 {
-    struct import_geometry g = {.file = mjcf_file(r, node), .line = xml_line(node), .link = link};
+    struct import_geometry g = {
+        .file = xml_name(r->file, node), .line = xml_line(node), .link = link};
     double type = 1, affinity = 1;
     bool fitted;
 
-    mjcf_read_place(r, node, childclass, &g.place);
-    mjcf_reals(r, node, childclass, "contype", 1, &type);
-    mjcf_reals(r, node, childclass, "conaffinity", 1, &affinity);
-    if (!geom_read_type(r, node, childclass, &g)) {
+    mjcf_read_place(r, node, &g.place);
+    mjcf_reals(r, node, "contype", 1, &type);
+    mjcf_reals(r, node, "conaffinity", 1, &affinity);
+    if (!geom_read_type(r, node, &g)) {
         return; /* planes and height fields have no mass in MuJoCo */
     }
 
     /* Read dimensions first, because mass and inertia depend on them. Where MuJoCo fits a shape to
      * a mesh, take the mesh itself, without a mass */
-    fitted = g.shape != IMPORT_MESH && mjcf_attribute(r, node, childclass, "mesh");
+    fitted = g.shape != IMPORT_MESH && mjcf_attribute(r, node, "mesh");
     if (fitted) {
         reader_note(r, IMPORT_SHAPED, node,
                     "geom that MuJoCo fits to mesh \"%.63s\" has the shape of the mesh",
-                    mjcf_attribute(r, node, childclass, "mesh"));
+                    mjcf_attribute(r, node, "mesh"));
         g.shape = IMPORT_MESH;
     }
     if (g.shape == IMPORT_MESH) {
-        geom_read_mesh(r, node, childclass, &g);
+        geom_read_mesh(r, node, &g);
     } else {
-        geom_read_size(r, node, childclass, &g);
+        geom_read_size(r, node, &g);
     }
     if (inertia && !r->error->code) {
-        geom_add_inertia(r, node, childclass, &g, fitted, inertia);
+        geom_add_inertia(r, node, &g, fitted, inertia);
     }
     g.collision = type != 0 || affinity != 0;
 
     /* Read the color of a geom from its rgba or its material. Read whether MuJoCo's viewer shows
      * it, which shows groups 0 to 2. Ignore colors in the mesh file. */
     static const double gray[4] = {0.5, 0.5, 0.5, 1.0}, white[4] = {1.0, 1.0, 1.0, 1.0};
-    const char *name = mjcf_attribute(r, node, childclass, "material");
+    const char *name = mjcf_attribute(r, node, "material");
     const struct xml_name *material = name ? xml_names_find(&r->materials, name, NULL) : NULL;
     double group = 0.0;
 
     /* The geom's own rgba has priority over its material's */
-    mjcf_reals(r, node, childclass, "group", 1, &group);
+    mjcf_reals(r, node, "group", 1, &group);
     memcpy(g.color, gray, sizeof g.color);
-    if (!mjcf_reals(r, node, childclass, "rgba", 4, g.color) && material) {
+    if (!mjcf_reals(r, node, "rgba", 4, g.color) && material) {
         memcpy(g.color, white, sizeof g.color);
-        mjcf_reals(r, material->node, NULL, "rgba", 4, g.color);
+        mjcf_reals(r, material->node, "rgba", 4, g.color);
     }
     for (int m = 0; m < 4; m++) {
         g.color[m] = fmin(fmax(g.color[m], 0.0), 1.0);

@@ -53,10 +53,8 @@ void mjcf_index(struct import_reader *r)
 
             if (!name && file) {
                 const char *own = slash ? slash + 1 : file, *dot = strrchr(own, '.');
-                const size_t length = dot ? (size_t)(dot - own) : strlen(own);
-                char *base = reader_alloc(r, length + 1, 1);
 
-                name = base ? memcpy(base, own, length) : NULL;
+                name = reader_format(r, "%.*s", (int)(dot ? dot - own : (long)strlen(own)), own);
             }
             if (name && file) {
                 xml_names_add(&r->meshes, name, NULL, at, r->arena, r->error);
@@ -68,17 +66,6 @@ void mjcf_index(struct import_reader *r)
     xml_names_sort(&r->classes);
     xml_names_sort(&r->meshes);
     xml_names_sort(&r->materials);
-}
-
-const char *mjcf_class(const xmlNode *node, const char *childclass)
-{
-    const char *found = NULL;
-
-    while (!found && xml_is(node->parent, "frame")) {
-        node = node->parent;
-        found = xml_attribute(node, "childclass");
-    }
-    return found ? found : childclass;
 }
 
 /* Returns an attribute of a class for elements like node; NULL if the class does not have it. All
@@ -106,15 +93,17 @@ static const char *class_attribute(const xmlNode *class, const xmlNode *node, co
     return text;
 }
 
-const char *mjcf_attribute(const struct import_reader *r, const xmlNode *node,
-                           const char *childclass, const char *name)
+const char *mjcf_attribute(const struct import_reader *r, const xmlNode *node, const char *name)
 {
     const struct xml_name *end = r->classes.entry + r->classes.count;
     const char *text = xml_attribute(node, name), *own = xml_attribute(node, "class");
 
     /* An attribute without a value counts as missing */
     text = text && *text ? text : NULL;
-    own = own ? own : mjcf_class(node, childclass);
+    for (const xmlNode *up = node->parent;
+         !text && !own && (xml_is(up, "body") || xml_is(up, "frame")); up = up->parent) {
+        own = xml_attribute(up, "childclass");
+    }
     own = own ? own : "main";
     for (int depth = 0; !text && own && depth < MJCF_CLASSES_DEEP; depth++) {
         const struct xml_name *class = xml_names_find(&r->classes, own, NULL);
@@ -130,10 +119,10 @@ const char *mjcf_attribute(const struct import_reader *r, const xmlNode *node,
     return text;
 }
 
-bool mjcf_reals(const struct import_reader *r, const xmlNode *node, const char *childclass,
-                const char *name, size_t count, double *value)
+bool mjcf_reals(const struct import_reader *r, const xmlNode *node, const char *name, size_t count,
+                double *value)
 {
-    const char *text = mjcf_attribute(r, node, childclass, name);
+    const char *text = mjcf_attribute(r, node, name);
 
     if (text) {
         xml_parse_reals(r->file, node, name, text, count, value);
@@ -141,10 +130,10 @@ bool mjcf_reals(const struct import_reader *r, const xmlNode *node, const char *
     return text != NULL;
 }
 
-void mjcf_some_reals(const struct import_reader *r, const xmlNode *node, const char *childclass,
-                     const char *name, size_t most, double *value)
+void mjcf_some_reals(const struct import_reader *r, const xmlNode *node, const char *name,
+                     size_t most, double *value)
 {
-    const char *text = mjcf_attribute(r, node, childclass, name);
+    const char *text = mjcf_attribute(r, node, name);
     size_t count = 0;
 
     for (const char *at = text; at && *at;) {
@@ -213,14 +202,14 @@ bool mjcf_read_frame(const struct import_reader *r, const xmlNode *node, struct 
                    MJCF_FRAMES_DEEP);
         import_place_identity(place);
     } else if (framed) {
-        mjcf_read_place(r, node->parent, NULL, place);
+        mjcf_read_place(r, node->parent, place);
     }
     return framed;
 }
 
 /* Reads an orientation other than quat. One of the element replaces the others of its class. */
-static bool place_reals(const struct import_reader *r, const xmlNode *node, const char *childclass,
-                        const char *name, size_t count, double *value)
+static bool place_reals(const struct import_reader *r, const xmlNode *node, const char *name,
+                        size_t count, double *value)
 {
     static const char *const ways[] = {"axisangle", "euler", "xyaxes", "zaxis"};
     bool other = false;
@@ -228,12 +217,10 @@ static bool place_reals(const struct import_reader *r, const xmlNode *node, cons
     for (size_t i = 0; i < ARRAY_COUNT(ways); i++) {
         other = other || (strcmp(ways[i], name) != 0 && xml_attribute(node, ways[i]));
     }
-    return (!other || xml_attribute(node, name)) &&
-           mjcf_reals(r, node, childclass, name, count, value);
+    return (!other || xml_attribute(node, name)) && mjcf_reals(r, node, name, count, value);
 }
 
-void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const char *childclass,
-                     struct import_place *place)
+void mjcf_read_place(const struct import_reader *r, const xmlNode *node, struct import_place *place)
 {
     struct import_place frame, own;
     double value[6], along[3];
@@ -242,29 +229,29 @@ void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const c
     /* Any other way of turning replaces quat, which may be a class's, as in MuJoCo; refuse values
      * that are not rotations */
     import_place_identity(place);
-    mjcf_reals(r, node, childclass, "pos", 3, place->xyz);
-    if (mjcf_reals(r, node, childclass, "fromto", 6, value)) {
+    mjcf_reals(r, node, "pos", 3, place->xyz);
+    if (mjcf_reals(r, node, "fromto", 6, value)) {
         /* The place is halfway between the ends, with z from one end to the other */
         vec3_sub(value, value + 3, along);
         for (int m = 0; m < 3; m++) {
             place->xyz[m] = 0.5 * (value[m] + value[3 + m]);
         }
         sound = import_turn_z(along, place->R);
-    } else if (place_reals(r, node, childclass, "axisangle", 4, value)) {
+    } else if (place_reals(r, node, "axisangle", 4, value)) {
         double length = vec3_norm(value);
         const double axis[3] = {value[0] / length, value[1] / length, value[2] / length};
 
         mat3_about_axis(axis, value[3] * r->angle, place->R);
         sound = length > 0;
-    } else if (place_reals(r, node, childclass, "euler", 3, value)) {
+    } else if (place_reals(r, node, "euler", 3, value)) {
         for (int i = 0; i < 3; i++) {
             euler_turn(r->eulerseq[i], value[i] * r->angle, place->R);
         }
-    } else if (place_reals(r, node, childclass, "xyaxes", 6, value)) {
+    } else if (place_reals(r, node, "xyaxes", 6, value)) {
         sound = axes_to_rotation(value, place->R);
-    } else if (place_reals(r, node, childclass, "zaxis", 3, value)) {
+    } else if (place_reals(r, node, "zaxis", 3, value)) {
         sound = import_turn_z(value, place->R);
-    } else if (mjcf_reals(r, node, childclass, "quat", 4, value)) {
+    } else if (mjcf_reals(r, node, "quat", 4, value)) {
         mat3_from_quaternion(value, place->R);
         sound = isfinite(place->R[0]);
     }
@@ -282,8 +269,8 @@ void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const c
 
 /* ---- actuators and poses ---- */
 
-bool mjcf_clamp(const struct import_reader *r, const xmlNode *node, const char *childclass,
-                const char *what, double scale, double limit[2])
+bool mjcf_clamp(const struct import_reader *r, const xmlNode *node, const char *what, double scale,
+                double limit[2])
 {
     char range[32], limited[32];
     double value[2] = {0, 0}, low, high;
@@ -292,8 +279,8 @@ bool mjcf_clamp(const struct import_reader *r, const xmlNode *node, const char *
 
     snprintf(range, sizeof range, "%srange", what);
     snprintf(limited, sizeof limited, "%slimited", what);
-    given = mjcf_reals(r, node, childclass, range, 2, value);
-    word = mjcf_attribute(r, node, childclass, limited);
+    given = mjcf_reals(r, node, range, 2, value);
+    word = mjcf_attribute(r, node, limited);
     if (word && strcmp(word, "auto") != 0 ? strcmp(word, "true") != 0
                                           : !given || !r->autolimits || !(value[0] < value[1])) {
         return false;
@@ -310,25 +297,25 @@ bool mjcf_clamp(const struct import_reader *r, const xmlNode *node, const char *
 static void actuator_find_range(const struct import_reader *r, const xmlNode *node, double range[2])
 {
     const bool general = xml_is(node, "general");
-    const char *bias = general ? mjcf_attribute(r, node, NULL, "biastype") : NULL;
-    const char *gain = general ? mjcf_attribute(r, node, NULL, "gaintype") : NULL;
-    const char *type = general ? mjcf_attribute(r, node, NULL, "dyntype") : NULL;
+    const char *bias = general ? mjcf_attribute(r, node, "biastype") : NULL;
+    const char *gain = general ? mjcf_attribute(r, node, "gaintype") : NULL;
+    const char *type = general ? mjcf_attribute(r, node, "dyntype") : NULL;
     double prm[10] = {1.0};
 
     range[0] = -(double)INFINITY;
     range[1] = (double)INFINITY;
     if (general) {
-        mjcf_some_reals(r, node, NULL, "gainprm", 10, prm);
+        mjcf_some_reals(r, node, "gainprm", 10, prm);
     }
     if ((general || xml_is(node, "motor")) && (!bias || !strcmp(bias, "none")) &&
         (!gain || !strcmp(gain, "fixed"))) {
         if (type && !strcmp(type, "integrator")) {
-            mjcf_clamp(r, node, NULL, "act", prm[0], range);
+            mjcf_clamp(r, node, "act", prm[0], range);
         } else if (!type || !strcmp(type, "none") || !strncmp(type, "filter", 6)) {
-            mjcf_clamp(r, node, NULL, "ctrl", prm[0], range);
+            mjcf_clamp(r, node, "ctrl", prm[0], range);
         }
     }
-    mjcf_clamp(r, node, NULL, "force", 1.0, range);
+    mjcf_clamp(r, node, "force", 1.0, range);
 }
 
 /* Adds an actuator to a joint. The gear converts the actuator's force to the joint's force. Forces
@@ -349,7 +336,7 @@ static bool actuator_add(const struct import_reader *r, const xmlNode *node, con
                     "joint \"%.63s\" has several actuators: one drive has the sum of their limits",
                     name);
     }
-    mjcf_some_reals(r, node, NULL, "gear", 6, gear);
+    mjcf_some_reals(r, node, "gear", 6, gear);
     actuator_find_range(r, node, range);
     gear[0] *= coefficient;
     low = gear[0] != 0.0 ? gear[0] * range[0] : 0.0;
@@ -423,7 +410,7 @@ void mjcf_read_actuators(const struct import_reader *r)
 
 bool mjcf_is_active(const struct import_reader *r, const xmlNode *node)
 {
-    const char *active = mjcf_attribute(r, node, NULL, "active");
+    const char *active = mjcf_attribute(r, node, "active");
 
     return !active || strcmp(active, "false") != 0;
 }
@@ -470,7 +457,7 @@ static void mjcf_couple(const struct import_reader *r, const xmlNode *node,
                    follower->name, follower->mimic, follower->mimic_line);
     }
     follower->mimic = leader->name;
-    follower->mimic_file = mjcf_file(r, node);
+    follower->mimic_file = xml_name(r->file, node);
     follower->mimic_line = xml_line(node);
     follower->offset = offset;
     follower->multiplier = multiplier;
@@ -490,7 +477,7 @@ void mjcf_read_couplings(const struct import_reader *r)
         }
         first = mjcf_find_coupled(r, node, "joint1");
         second = mjcf_find_coupled(r, node, "joint2");
-        mjcf_some_reals(r, node, NULL, "polycoef", 5, polynomial);
+        mjcf_some_reals(r, node, "polycoef", 5, polynomial);
         if (!first) {
             xml_refuse(r->file, node, "found an equality without joint1, expected it");
         } else if (second) {
@@ -516,7 +503,7 @@ static void mjcf_read_key(const struct import_reader *r, const xmlNode *node)
         name = model->npose > 1 ? reader_format(r, "key-%zu", model->npose) : "key";
     }
     *pose = (struct import_pose){.name = reader_copy(r, name),
-                                 .file = mjcf_file(r, node),
+                                 .file = xml_name(r->file, node),
                                  .line = xml_line(node),
                                  .value = reader_alloc(r, model->njoint + 1, sizeof *pose->value)};
     if (!text || !qpos || !pose->value) {

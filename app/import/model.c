@@ -70,6 +70,17 @@ enum error_code import_error(struct error *error, const char *file, int line, co
                        : error_set(error, ERROR_INPUT, "%.200s:%d: %s", file, line, text);
 }
 
+bool import_has_word(const char *list, char mark, const char *word)
+{
+    const size_t length = strlen(word);
+    const char *at = strstr(list, word);
+
+    while (at && ((at > list && at[-1] != mark) || (at[length] && at[length] != mark))) {
+        at = strstr(at + 1, word);
+    }
+    return at;
+}
+
 /* ---- places ---- */
 
 void import_place_identity(struct import_place *place)
@@ -84,9 +95,7 @@ void import_place_compose(const struct import_place *a, const struct import_plac
     double moved[3];
 
     mat3_apply(a->R, b->xyz, moved);
-    for (int m = 0; m < 3; m++) {
-        out->xyz[m] = a->xyz[m] + moved[m];
-    }
+    vec3_add_scaled(a->xyz, 1.0, moved, out->xyz);
     mat3_mul(a->R, b->R, out->R);
 }
 
@@ -152,9 +161,7 @@ void import_add_inertia(struct robot_inertia *body, const struct robot_inertia *
     if (!mat3_is_identity(place->R)) {
         sym3_rotate(place->R, I);
     }
-    for (int m = 0; m < 3; m++) {
-        at[m] += place->xyz[m];
-    }
+    vec3_add_scaled(at, 1.0, place->xyz, at);
     if (body->mass == 0.0 && part->mass == 0.0) {
         return;
     }

@@ -177,6 +177,9 @@ void import_note_add(struct import_notes *notes, enum import_fate fate, const ch
  * capacity. Without memory returns NULL; array and capacity then stay unchanged. */
 void *import_grow(struct arena *arena, void *array, size_t count, size_t *capacity, size_t size);
 
+/* Checks whether a list of words has a word. mark: the character between words. */
+bool import_has_word(const char *list, char mark, const char *word);
+
 /* Returns the text of an error without a leading "file:line: ", for a note at that place. */
 const char *import_reason(const char *file, int line, const char *text);
 

@@ -2,6 +2,8 @@
 /* Resolves file names and keeps them within a folder. */
 #include "app/import/path.h"
 
+#include "base/text.h"
+
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -66,4 +68,28 @@ enum import_path import_resolve_path(const char *inside, const char *from, const
     }
     return !stat(path, &status) && S_ISREG(status.st_mode) ? IMPORT_PATH_FOUND
                                                            : IMPORT_PATH_MISSING;
+}
+
+enum error_code import_find_own_file(const char *kind, const char *name, const char *expected,
+                                     struct arena *arena, const char **path, const char **written,
+                                     struct error *error)
+{
+    char real[PATH_MAX], copy[PATH_MAX];
+    const char *own;
+
+    if (!realpath(name, real)) {
+        return error_set(error, ERROR_INPUT, "--%s: found \"%.200s\", expected %s", kind, name,
+                         expected);
+    }
+    own = strrchr(real, '/') + 1;
+    if (!text_is_name(own)) {
+        return error_set(error, ERROR_INPUT,
+                         "--%s: found \"%.200s\", expected letters, digits and _ - . only in the "
+                         "name of a %s's file",
+                         kind, own, kind);
+    }
+    snprintf(copy, sizeof copy, "../%ss/%s", kind, own);
+    *path = arena_strdup(arena, real);
+    *written = arena_strdup(arena, copy);
+    return ERROR_NONE;
 }

@@ -117,18 +117,6 @@ void reader_free_limits(const struct import_reader *r, const xmlNode *node,
 
 /* ---- the report ---- */
 
-/* Checks whether a list of words has a word. */
-static bool words_have(const char *words, const char *word)
-{
-    const size_t length = strlen(word);
-    const char *at = strstr(words, word);
-
-    while (at && ((at > words && at[-1] != ' ') || (at[length] && at[length] != ' '))) {
-        at = strstr(at + 1, word);
-    }
-    return at;
-}
-
 void reader_skip(const struct import_reader *r, const xmlNode *node, const char *attribute)
 {
     struct reader_unread *unread = r->unread;
@@ -170,7 +158,8 @@ void reader_report(const struct import_reader *r, const struct reader_row *rows)
              at = at->next) {
             const char *name = (const char *)at->name;
 
-            if (!words_have("name class", name) && !words_have(row->attributes, name)) {
+            if (!import_has_word("name class", ' ', name) &&
+                !import_has_word(row->attributes, ' ', name)) {
                 reader_skip(r, node, name);
             }
         }

@@ -104,17 +104,11 @@ void reader_free_limits(const struct import_reader *r, const xmlNode *node,
 const xmlNode *mjcf_next(const struct import_reader *r, const char *section, const char *element,
                          const xmlNode *after);
 
-/* Returns the name of a node's file; valid as long as the model. */
-const char *mjcf_file(const struct import_reader *r, const xmlNode *node);
-
 /* Replaces each <include> by the content of its file. */
 void mjcf_expand_includes(const struct import_reader *r);
 
 /* Lists default classes, meshes and materials by name. */
 void mjcf_index(struct import_reader *r);
-
-/* Returns the class of elements without one at this node: the nearest frame's, else childclass. */
-const char *mjcf_class(const xmlNode *node, const char *childclass);
 
 /* Reads the place of the frames around a node in its body. Returns false if it is in none. */
 bool mjcf_read_frame(const struct import_reader *r, const xmlNode *node,
@@ -125,30 +119,29 @@ bool mjcf_is_active(const struct import_reader *r, const xmlNode *node);
 
 /* Clamps limit to scale times the range in attribute WHATrange, if WHATlimited or autolimits says
  * so. Returns whether it says so. */
-bool mjcf_clamp(const struct import_reader *r, const xmlNode *node, const char *childclass,
-                const char *what, double scale, double limit[2]);
+bool mjcf_clamp(const struct import_reader *r, const xmlNode *node, const char *what, double scale,
+                double limit[2]);
 
 /* Returns an attribute of the element, else of its class or an enclosing class; NULL if none has
- * it. */
-const char *mjcf_attribute(const struct import_reader *r, const xmlNode *node,
-                           const char *childclass, const char *name);
+ * it. An element without a class has the childclass of the nearest body or frame around it. */
+const char *mjcf_attribute(const struct import_reader *r, const xmlNode *node, const char *name);
 
 /* Reads an attribute, found as in mjcf_attribute, as numbers, as in xml_reals. */
-bool mjcf_reals(const struct import_reader *r, const xmlNode *node, const char *childclass,
-                const char *name, size_t count, double *value);
+bool mjcf_reals(const struct import_reader *r, const xmlNode *node, const char *name, size_t count,
+                double *value);
 
 /* Reads all numbers of an attribute, between 1 and most, if the element has it. */
-void mjcf_some_reals(const struct import_reader *r, const xmlNode *node, const char *childclass,
-                     const char *name, size_t most, double *value);
+void mjcf_some_reals(const struct import_reader *r, const xmlNode *node, const char *name,
+                     size_t most, double *value);
 
 /* Reads the pose in the body: by fromto, or by pos and one of quat, axisangle, euler, xyaxes,
  * zaxis. */
-void mjcf_read_place(const struct import_reader *r, const xmlNode *node, const char *childclass,
+void mjcf_read_place(const struct import_reader *r, const xmlNode *node,
                      struct import_place *place);
 
 /* Adds a geom to a link, and its mass to a body without its own inertia. NULL = add no mass. */
-void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, const char *childclass,
-                    int link, struct robot_inertia *inertia);
+void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, int link,
+                    struct robot_inertia *inertia);
 
 /* Read actuators, equalities between joints, and keyframes. Read all joints first. */
 void mjcf_read_actuators(const struct import_reader *r);
