@@ -8,8 +8,6 @@
 #include "boards/described/protocol.h"
 #include "boards/protocol_list.h"
 
-#include <limits.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* Servo valves per bus: the axes of one board. They load the bus to 70 %, below IMPORT_BUS_LOAD. */

@@ -13,8 +13,6 @@
 #include "app/import/model.h"
 #include "boards/protocol.h"
 
-#include <stdint.h>
-
 enum { IMPORT_BUS_AXES = 16, IMPORT_BUS_FT = 4, IMPORT_BUSES_MAX = 32 };
 
 /* Default of the highest planned load of a bus, as a share of its capacity. */

@@ -7,8 +7,6 @@
 #include "base/text.h"
 
 #include <fnmatch.h>
-#include <limits.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* One parsed --drive option. */

@@ -9,7 +9,6 @@
 #include "model/dynamics.h"
 
 #include <math.h>
-#include <string.h>
 
 #define GRAVITY 9.81 /* m/s2 */
 /* an effort above this multiple of the gravity load is a placeholder */
@@ -34,17 +33,9 @@
 /* Computes the worst gravity load of each joint, with all bodies behind it stretched out
  * horizontally. For a floating robot, whose legs may carry it, the load is at least half of its
  * weight at the end of the leg. load is in N m, or N for a prismatic joint; reach is the distance
- * of the farthest body behind, m. */
+ * of the farthest body behind, m. Both must be 0 before. */
 static void robot_find_loads(const struct robot *robot, double *reach, double *load)
 {
-    double total = 0.0;
-
-    for (size_t b = 0; b < robot->nbody; b++) {
-        total += robot->body[b].inertia.mass;
-    }
-    for (size_t j = 0; j < robot->njoint; j++) {
-        reach[j] = load[j] = 0.0;
-    }
     for (size_t b = 1; b < robot->nbody; b++) {
         double arm = vec3_norm(robot->body[b].inertia.com);
 
@@ -60,7 +51,7 @@ static void robot_find_loads(const struct robot *robot, double *reach, double *l
     }
     for (size_t j = 0; j < robot->njoint && robot->floating; j++) {
         if (robot->joint[j].type == JOINT_REVOLUTE) {
-            load[j] = fmax(load[j], 0.5 * GRAVITY * total * reach[j]);
+            load[j] = fmax(load[j], 0.5 * GRAVITY * robot->total_mass * reach[j]);
         }
     }
 }
@@ -338,7 +329,8 @@ static enum error_code robot_find_tipping(const struct robot *robot, const doubl
 {
     struct body_motion *bodies = arena_alloc(arena, robot->nbody, sizeof *bodies);
     bool *foot = arena_alloc(arena, robot->nbody, sizeof *foot);
-    double lowest, mass = 0.0, moment = 0.0;
+    const double mass = robot->total_mass;
+    double lowest, moment = 0.0;
     int feet = 0;
 
     if (!bodies || !foot) {
@@ -354,12 +346,11 @@ static enum error_code robot_find_tipping(const struct robot *robot, const doubl
         feet += down && !foot[robot->capsule[c].body];
         foot[robot->capsule[c].body] |= down;
     }
-    /* Sum the mass, and the height of the center of mass */
+    /* Sum the height of the center of mass, times the mass */
     for (size_t b = 0; b < robot->nbody; b++) {
         double com[3];
 
         mat3_apply(bodies[b].R, robot->body[b].inertia.com, com);
-        mass += robot->body[b].inertia.mass;
         moment += robot->body[b].inertia.mass * (bodies[b].p[2] + com[2]);
     }
     /* Every joint between a foot and the base must hold the robot upright */

@@ -12,8 +12,6 @@
 #include "app/import/board_layout.h"
 #include "app/import/tree_simplify.h"
 
-#include <limits.h>
-
 struct import_request {
     const char *file, *srdf;    /* srdf may be NULL */
     const char *folder;         /* output folder, created if missing; its parent must exist */

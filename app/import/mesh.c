@@ -2,7 +2,6 @@
 /* Finds, reads and writes mesh files. */
 #include "app/import/mesh_private.h"
 
-#include "app/import/path.h"
 #include "base/input_file.h"
 #include "base/vec3.h"
 #include "base/whole_file.h"
@@ -10,11 +9,9 @@
 
 #include <errno.h>
 #include <float.h>
-#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 #include <sys/stat.h>
 #include <math.h>
 

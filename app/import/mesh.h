@@ -17,9 +17,6 @@
 #include "app/import/model.h"
 #include "app/import/path.h"
 
-#include <stdbool.h>
-#include <stddef.h>
-
 enum {
     IMPORT_MESH_BYTES_MAX = 256 << 20,
     IMPORT_MESH_FACES_MAX = 1 << 20,

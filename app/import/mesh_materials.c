@@ -5,7 +5,6 @@
 #include "base/input_file.h"
 #include "base/text.h"
 
-#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -5,8 +5,6 @@
 
 #include "app/import/mesh.h"
 
-#include <stdbool.h>
-
 enum { MESH_WORD_MAX = 64 };
 
 /* A material of an OBJ; tint is the index of its color in the mesh, -1 = none. */

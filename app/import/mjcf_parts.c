@@ -4,7 +4,6 @@
 #include "app/import/readers_private.h"
 
 #include "base/array.h"
-#include "base/portable_math.h"
 #include "base/vec3.h"
 
 #include <ctype.h>

@@ -6,12 +6,9 @@
 #include "base/vec3.h"
 #include "contact/mesh/mesh.h"
 
-#include <errno.h>
-#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
 
 enum {
     SIZE_DOUBT = 20, /* larger shapes, in joint distances, may be a mistake */
@@ -253,11 +250,11 @@ static bool shape_fit(const struct import_builder *b, const struct import_geomet
 {
     int along;
 
+    mat3_identity(capsule->rotation);
     switch (shape->shape) {
     case IMPORT_MESH:
         return b->folder && shape_fit_mesh(b, shape, capsule);
     case IMPORT_BOX:
-        mat3_identity(capsule->rotation);
         memcpy(capsule->half, shape->half, sizeof capsule->half);
         return true;
     case IMPORT_ELLIPSOID:
@@ -265,7 +262,6 @@ static bool shape_fit(const struct import_builder *b, const struct import_geomet
          * the ellipsoid, whose ends are slimmer than half-spheres. */
         along = shape->half[1] > shape->half[0] ? 1 : 0;
         along = shape->half[2] > shape->half[along] ? 2 : along;
-        memset(capsule->position, 0, sizeof capsule->position);
         axis_to_rotation(along, capsule->rotation);
         capsule->radius = fmax(shape->half[(along + 1) % 3], shape->half[(along + 2) % 3]);
         capsule->length = 2.0 * (shape->half[along] - capsule->radius);
@@ -273,13 +269,11 @@ static bool shape_fit(const struct import_builder *b, const struct import_geomet
                           " is the capsule that holds it");
         return true;
     default:
-        mat3_identity(capsule->rotation);
         capsule->radius = shape->radius;
         capsule->length = shape->length;
-        break;
+        capsule->flat = shape->shape == IMPORT_CYLINDER;
+        return true;
     }
-    capsule->flat = shape->shape == IMPORT_CYLINDER;
-    return true;
 }
 
 /* Adds the capsule of a shape to the robot, with the name BODY-shellNUMBER. */

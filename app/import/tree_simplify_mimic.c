@@ -105,18 +105,15 @@ enum error_code import_add_pinions(struct import_model *model, struct arena *are
                                    struct import_notes *notes, struct error *error)
 {
     const size_t njoint = model->njoint;
-    size_t due = 0;
     bool room = true;
 
-    for (size_t j = 0; j < njoint; j++) {
-        due += pinion_is_due(model, &model->joint[j]);
-    }
-    model->joint = list_extend(arena, model->joint, njoint, due, sizeof *model->joint);
-    model->link = list_extend(arena, model->link, model->nlink, due, sizeof *model->link);
+    /* Make room for a pinion of each joint */
+    model->joint = list_extend(arena, model->joint, njoint, njoint, sizeof *model->joint);
+    model->link = list_extend(arena, model->link, model->nlink, njoint, sizeof *model->link);
     for (size_t p = 0; p < model->npose; p++) {
         struct import_pose *pose = &model->pose[p];
 
-        pose->value = list_extend(arena, pose->value, pose->nvalue, due, sizeof *pose->value);
+        pose->value = list_extend(arena, pose->value, pose->nvalue, njoint, sizeof *pose->value);
         room = room && pose->value;
     }
     if (!room || !model->joint || !model->link) {

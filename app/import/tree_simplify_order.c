@@ -6,9 +6,6 @@
 #include "base/vec3.h"
 #include "rig/rig.h"
 
-#include <math.h>
-#include <string.h>
-
 /* ---- the tree ---- */
 
 void simplify_find_parents(struct simplifier *r)

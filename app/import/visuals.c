@@ -2,7 +2,6 @@
 /* Makes the robot's visuals from the visual shapes of the file. */
 #include "app/import/shapes.h"
 
-#include <limits.h>
 #include <stdio.h>
 #include <string.h>
 

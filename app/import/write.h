@@ -12,8 +12,6 @@
 #include "app/import/board_layout.h"
 #include "app/import/tree_simplify.h"
 
-#include <stdio.h>
-
 /* Writes the robot file. */
 enum error_code import_write_robot(const struct import_robot *from, const char *path,
                                    struct error *error);
