@@ -292,9 +292,7 @@ static void import_remove_files(const struct importer *m)
 
     unlink(result->robot);
     unlink(result->rig);
-    if (result->standing[0]) {
-        unlink(result->standing);
-    }
+    unlink(result->standing); /* "" = none */
     for (size_t i = 0; i < m->ncopy; i++) {
         if (!import_name_copy(m, &m->copy[i], path, &own) && !own) {
             unlink(path);

@@ -45,9 +45,7 @@ static void mjcf_read_compiler(struct import_reader *r, const xmlNode *node)
         xml_refuse(r->file, node, "found eulerseq \"%.10s\", expected three of x y z X Y Z", seq);
         return;
     }
-    if (angle) {
-        r->angle = strcmp(angle, "radian") == 0 ? 1.0 : M_PI / 180.0;
-    }
+    r->angle = !angle ? r->angle : !strcmp(angle, "radian") ? 1.0 : M_PI / 180.0;
     r->autolimits = limits ? strcmp(limits, "false") != 0 : r->autolimits;
     r->meshdir = folder ? folder : r->meshdir;
     memcpy(r->eulerseq, seq ? seq : r->eulerseq, sizeof r->eulerseq);

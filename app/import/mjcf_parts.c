@@ -516,8 +516,8 @@ static void mjcf_read_key(const struct import_reader *r, const xmlNode *node)
         const struct import_joint *joint = &model->joint[j];
 
         if (joint->type != IMPORT_FIXED && joint->type != IMPORT_FLOATING) {
-            pose->value[pose->nvalue++] = (struct import_value){
-                .joint = joint->name, .line = pose->line, .value = qpos[r->qpos[j]] - r->ref[j]};
+            pose->value[pose->nvalue++] =
+                (struct import_value){.joint = joint->name, .value = qpos[r->qpos[j]] - r->ref[j]};
         }
     }
 }

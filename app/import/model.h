@@ -114,7 +114,6 @@ struct import_sensor {
 /* Position of one joint in a pose, rad or m. */
 struct import_value {
     const char *joint;
-    int line;
     double value;
 };
 

@@ -210,10 +210,7 @@ void simplify_add_poses(struct simplifier *r)
     const struct import_pose rest = {.name = "rest", .file = r->model->file};
 
     r->out->robot->pose = simplify_alloc(r, r->model->npose + 1, sizeof *r->out->robot->pose);
-    if (!r->error->code) {
-        simplify_add_pose(r, &rest);
-    }
-    for (size_t i = 0; i < r->model->npose && !r->error->code; i++) {
-        simplify_add_pose(r, &r->model->pose[i]);
+    for (size_t i = 0; i <= r->model->npose && !r->error->code; i++) {
+        simplify_add_pose(r, i == 0 ? &rest : &r->model->pose[i - 1]);
     }
 }

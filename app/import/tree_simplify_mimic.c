@@ -27,14 +27,6 @@
 /* Mass, kg, and inertia, kg m2, of a pinion: almost none. The drive has the rotor's. */
 #define PINION_MASS 1e-9
 
-/* Checks whether a prismatic joint gets a pinion: it can move, follows no other, and has an
- * actuator if the file has any. */
-static bool pinion_is_due(const struct import_model *model, const struct import_joint *joint)
-{
-    return joint->type == IMPORT_PRISMATIC && !joint->mimic && joint->lower < joint->upper &&
-           (!model->actuated || model->drives_others || joint->driven);
-}
-
 /* Adds the pinion of one joint at the end of the lists, which have room. Efforts, velocities and
  * what resists motion become those about its axis. */
 static void pinion_add(struct import_model *model, struct import_joint *rack, struct arena *arena,
@@ -120,8 +112,13 @@ enum error_code import_add_pinions(struct import_model *model, struct arena *are
         return error_set(error, ERROR_MEMORY, "%.200s: no memory for the pinions", model->file);
     }
     for (size_t j = 0; j < njoint; j++) {
-        if (pinion_is_due(model, &model->joint[j])) {
-            pinion_add(model, &model->joint[j], arena, notes);
+        struct import_joint *joint = &model->joint[j];
+
+        /* A joint gets a pinion if it slides, can move, follows no other, and has an actuator if
+         * the file has any */
+        if (joint->type == IMPORT_PRISMATIC && !joint->mimic && joint->lower < joint->upper &&
+            (!model->actuated || model->drives_others || joint->driven)) {
+            pinion_add(model, joint, arena, notes);
         }
     }
     return ERROR_NONE;

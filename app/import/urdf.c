@@ -719,14 +719,12 @@ static void srdf_read_value(const struct import_reader *r, const xmlNode *node,
     }
 
     /* Only the first value of a joint counts */
-    for (size_t i = 0; i < pose->nvalue; i++) {
-        if (!strcmp(pose->value[i].joint, name)) {
-            reader_note(r, IMPORT_DROPPED, node, "second position of \"%.63s\" in pose \"%.63s\"",
-                        name, pose->name);
-            return;
-        }
+    if (TEXT_FIND(pose->value, pose->nvalue, joint, name) >= 0) {
+        reader_note(r, IMPORT_DROPPED, node, "second position of \"%.63s\" in pose \"%.63s\"", name,
+                    pose->name);
+        return;
     }
-    *value = (struct import_value){.joint = r->model->joint[joint].name, .line = xml_line(node)};
+    value->joint = r->model->joint[joint].name;
     xml_parse_reals(r->file, node, "value", text, 1, &value->value);
     pose->nvalue++;
 }
