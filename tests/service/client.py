@@ -272,7 +272,8 @@ def test_refusals(program):
 # by rig: what its boards take; whether they report the link's position, a current and a mode; what
 # the rig changes so that loops have gains
 PROTOCOLS = {
-    "coman": ("voltage", "link current mode"), "coman-foc": ("voltage current", "current mode"),
+    "coman": ("voltage current", "link current mode"),
+    "coman-foc": ("voltage current", "current mode"),
     "coman-compact": ("voltage current", "link current mode"),
     "coman-fd": ("voltage current", "link current mode"),
     "coman-cia402": ("voltage position velocity torque", "link mode"),
