@@ -38,8 +38,10 @@ static inline void spatial_add_wrench(double scale, const struct spatial *f, con
     double moment[3] = {f->a[0], f->a[1], f->a[2]};
 
     vec3_add_cross(arm, f->l, moment);
-    vec3_add_scaled(sum->l, scale, f->l, sum->l);
-    vec3_add_scaled(sum->a, scale, moment, sum->a);
+    for (int i = 0; i < 3; i++) {
+        sum->l[i] += scale * f->l[i];
+        sum->a[i] += scale * moment[i];
+    }
 }
 
 /* Rotate both parts of x: spatial_turn returns R x, spatial_turn_back returns R^T x. */
@@ -148,10 +150,14 @@ static inline void spatial_inertia_apply(const struct spatial_inertia *A, const 
 
     sym3_apply(A->J, v->a, f->a);
     mat3_apply(A->H, v->l, l);
-    vec3_add_scaled(f->a, 1.0, l, f->a);
+    for (int i = 0; i < 3; i++) {
+        f->a[i] += l[i];
+    }
     mat3_apply_transposed(A->H, v->a, f->l);
     sym3_apply(A->M, v->l, l);
-    vec3_add_scaled(f->l, 1.0, l, f->l);
+    for (int i = 0; i < 3; i++) {
+        f->l[i] += l[i];
+    }
 }
 
 /* Solves A v = f, A positive definite: Cholesky factorization A = L L^T in the order angular,
