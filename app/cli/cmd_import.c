@@ -45,7 +45,7 @@ static void import_print_result(const struct import_result *result)
                robot->ncoupling == 1 ? "follows another" : "follow others",
                robot->ncoupling == 1 ? "its" : "their");
     }
-    printf("sensors   %zu F/T, %s inertial; %zu capsules, %zu meshes, %zu visuals, %zu poses\n",
+    printf("sensors   %zu F/T, %s inertial; %zu shapes, %zu meshes, %zu visuals, %zu poses\n",
            robot->nft, robot->imu_frame < 0 ? "no" : "one", robot->ncapsule, result->meshes,
            robot->nvisual, robot->npose);
     printf("rig       %s: %zu buses, %.1f %% of the fullest at the worst\n", result->rig,

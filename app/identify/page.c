@@ -110,10 +110,10 @@ static void identify_plot(struct report *report, const char *id, const struct re
     free(residual);
 }
 
-/* Formats a number by the conversion 'f' or 'g'; "-" if there is none. */
+/* Formats a number by the conversion 'f' or 'g'; "-" if there is none. Less than 1e-9 is rounding. */
 static const char *number_text(double value, char conversion, char text[32])
 {
-    snprintf(text, 32, conversion == 'f' ? "%.4f" : "%.4g", value);
+    snprintf(text, 32, conversion == 'f' ? "%.4f" : "%.4g", fabs(value) < 1e-9 ? 0.0 : value);
     return isfinite(value) ? text : "-";
 }
 
@@ -162,22 +162,22 @@ static void add_recordings(struct report *report, const struct identify_bench *b
         report_row(report, "%s||rad|%.4f||||published", bench->bench.published[i].what,
                    bench->bench.published[i].error[0]);
     }
-    snprintf(id, sizeof id, "%.20s-responses", bench->bench.name);
-    report_table(
-        report, id,
-        "Responses of the first signals to the command. Steps: times to 10, 63 and 90 % of the "
-        "change. Sweeps: cross spectra of seconds in bands of 1 Hz; bandwidth at -3 dB of the "
-        "lowest band",
-        "recording||t10, ms|t63, ms|t90, ms|overshoot, %|gain|bandwidth, Hz|largest gain|at, Hz");
-    for (size_t i = 0; i < bench->nrecording; i++) {
-        const struct recording *r = &bench->recording[i];
-        const enum signal first = recording_first(r);
+    if (!bench->bench.columns.title[SIGNAL_LOSS]) {
+        snprintf(id, sizeof id, "%.20s-responses", bench->bench.name);
+        report_table(
+            report, id,
+            "Responses of the first signals to the command. Steps: times to 10, 63 and 90 % of the "
+            "change. Sweeps: cross spectra of seconds in bands of 1 Hz; bandwidth at -3 dB of the "
+            "lowest band",
+            "recording||t10, ms|t63, ms|t90, ms|overshoot, %|gain|bandwidth, Hz|largest gain|"
+            "at, Hz");
+        for (size_t i = 0; i < bench->nrecording; i++) {
+            const struct recording *r = &bench->recording[i];
+            const enum signal first = recording_first(r);
 
-        if (first == SIGNAL_LOSS) {
-            continue;
+            add_response(report, "measured", r, law, r->signal[first]);
+            add_response(report, "simulated", r, law, simulated[i].signal[first]);
         }
-        add_response(report, "measured", r, law, r->signal[first]);
-        add_response(report, "simulated", r, law, simulated[i].signal[first]);
     }
     for (size_t i = 0; i < bench->nrecording; i++) {
         for (size_t s = 0; s < SIGNALS; s++) {
