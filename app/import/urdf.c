@@ -601,7 +601,6 @@ static const struct reader_row urdf_attributes[] = {
     {"dynamics", "damping friction"},
     {"mimic", "joint multiplier offset"},
     {"transmission", ""},
-    {"type", ""},
     {"actuator", ""},
     {"mechanicalReduction", ""},
     {"gazebo", "reference"},

@@ -574,8 +574,15 @@ function turnInertias(text) {
   })
 }
 
+// Each file has its own folder: MuJoCo keeps meshes by their path, with the pose that the last file
+// gave them.
 function loadModel(file) {
-  const path = `/w/${file.name}`
+  const home = `/${file.name}`
+  const path = `${home}/robot`
+  mujoco.FS.mkdir(home)
+  for (const [name, content] of Object.entries(meshes)) {
+    mujoco.FS.writeFile(`${home}/${name}`, content)
+  }
   mujoco.FS.writeFile(path, file.mjcf ? file.text : turnInertias(file.text))
   try {
     return { m: mujoco.MjModel.loadFromXML(path) }
@@ -645,10 +652,8 @@ function compare(file, robot) {
 }
 
 mkdirSync(folder, { recursive: true })
-mujoco.FS.mkdir('/w')
 for (const [name, content] of Object.entries(meshes)) {
   writeFileSync(join(folder, name), content)
-  mujoco.FS.writeFile(`/w/${name}`, content)
 }
 const files = Array.from({ length: Number(count) }, (_, n) => generate(Number(seed), n))
 for (const file of files) {
