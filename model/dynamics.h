@@ -49,9 +49,9 @@ struct dynamics_ops {
     void (*implicit)(const struct dynamics *d, const double *q, const double *v, const double *tau,
                      const struct wrench *ext, const double *extra,
                      const struct added_inertia *added, double *vdot);
-    /* Computes the changes of vdot (nv each) by `count` vectors of joint torques tau (njoint each),
-     * with the positions and inertias of the last call of implicit. NULL: the implementation has no
-     * such function. */
+    /* Computes the change of vdot (nv numbers) that each of `count` vectors of joint torques tau
+     * (njoint numbers) causes, with the positions and inertias of the last call of implicit. NULL
+     * if not implemented. */
     void (*respond)(const struct dynamics *d, size_t count, const double *tau, double *vdot);
     /* Inverse dynamics: generalized forces f (nv) that produce vdot. With a floating base, the
      * base's force and moment in the base frame come first, in the order of v. */

@@ -3,13 +3,13 @@
  * Steps of the numeric rigid-body algorithms, for dynamics_sweeps.c (Featherstone, Rigid Body
  * Dynamics Algorithms, 2008, tables 5.1 and 7.1). Bodies at the same distance from the base are
  * independent of each other. So a group of up to four of them is computed side by side, one body
- * per lane. Limbs keep their lane from the base to the tip, so that a parent is in the lane of its
- * child. Only where limbs begin, numbers move between lanes.
+ * per lane. A limb keeps its lane from the base to the tip, so that a parent is in the lane of its
+ * child. Values move between lanes only where a limb begins.
  *
- * Spatial quantities have world axes and refer to the body's origin, so that nothing is rotated on
- * the way between bodies. Each body has an inner frame whose z axis is the joint axis. SI units. A
- * lane without a body has no mass, and its joint has the inertia 1. The order of operations is the
- * same for each instruction set. No memory, no errors. RT-safe.
+ * Spatial quantities have world axes and refer to the body's origin, so that no rotation is needed
+ * between bodies. Each body has an inner frame whose z axis is the joint axis. SI units. A lane
+ * without a body has no mass, and its joint has the inertia 1. The order of operations is the same
+ * for each instruction set. The functions allocate no memory and return no errors. RT-safe.
  */
 #ifndef MODEL_DYNAMICS_KERNELS_H
 #define MODEL_DYNAMICS_KERNELS_H
@@ -37,14 +37,14 @@ struct inertia_lanes {
 
 /* Bodies, the joints that move them, and results of one evaluation. */
 struct group {
-    int body[GROUP];   /* number of the body; -1: none */
-    int joint[GROUP];  /* number of its joint; 0: none */
+    int body[GROUP];   /* index of the body; -1 = no body */
+    int joint[GROUP];  /* index of its joint; 0 in a lane without a joint */
     int parent[GROUP]; /* group of its parent */
     int lane[GROUP];   /* lane of its parent */
     bool aligned;      /* all parents are in one group, in the lanes of their children */
     bool slides;       /* at least one joint is prismatic */
     lanes turns;       /* 1: revolute, 0: prismatic */
-    lanes idle;        /* 1: no body */
+    lanes idle;        /* 1 = no body */
     lanes origin[3];   /* origin of the body at q = 0, in the parent's frame */
     lanes fixed[9];    /* rotation, this frame to parent, at q = 0 */
     lanes align[9];    /* rotation, inner to body frame */
@@ -64,7 +64,7 @@ struct group {
     lanes inverse_d, u;
 };
 
-/* A body in a response to torques. */
+/* Response of a body to joint torques. */
 struct response {
     struct spatial_lanes p, a; /* one response per lane */
     lanes u;
@@ -74,7 +74,7 @@ struct response {
 struct generic {
     size_t nbody, ngroup;
     size_t first;        /* index in q and v of the first joint */
-    struct group *group; /* ascending distance from the base, which is alone in group 0 */
+    struct group *group; /* in order of distance from the base; group 0 has only the base */
     /* by body */
     int *home, *lane; /* its group, its lane */
     struct response *response;
@@ -148,8 +148,8 @@ INLINE void lanes_rotate_sym(const lanes R[9], lanes S[6])
     }
 }
 
-/* Returns count numbers of the parents, each in the lane of its child. at: where a group stores
- * them. */
+/* Returns `count` values of the parents, each in the lane of its child. at: offset of the values in
+ * struct group, bytes. gathered: memory for values that change their lane. */
 INLINE const lanes *from_parents(const struct generic *g, const struct group *child, size_t at,
                                  int count, lanes *gathered)
 {
@@ -170,7 +170,8 @@ INLINE const lanes *from_parents(const struct generic *g, const struct group *ch
     return gathered;
 }
 
-/* Adds count numbers of each body to those of its parent. at: where a group stores them. */
+/* Adds `count` values of each body to the values of its parent. at: offset of the parent's values
+ * in struct group, bytes. */
 INLINE void add_to_parents(const struct generic *g, const struct group *child, size_t at,
                            const lanes *x, int count)
 {
@@ -187,7 +188,8 @@ INLINE void add_to_parents(const struct generic *g, const struct group *child, s
     }
 }
 
-/* Computes the parents' motions at the bodies' origins. at: where a group stores this motion. */
+/* Computes the parents' motions at the bodies' origins. at: offset of the motion in struct group,
+ * bytes. */
 INLINE void motion_out(const struct generic *g, const struct group *group, size_t at,
                        struct spatial_lanes *child)
 {
@@ -211,7 +213,7 @@ INLINE void force_in(const struct generic *g, const struct group *group,
     add_to_parents(g, group, offsetof(struct group, p), f.a, 6);
 }
 
-/* Computes moment and the inertia of the rigid bodies, A, in world axes. */
+/* Computes group->moment and, as group->A, the inertia of the rigid bodies, in world axes. */
 INLINE void place_inertia(struct group *group)
 {
     const lanes *h = group->moment, zero = {0.0}, mass = group->mass;
@@ -289,8 +291,8 @@ INLINE lanes along_axis(const struct group *group, const struct spatial_lanes *f
                          : moment;
 }
 
-/* Computes the bodies' velocities from those of their parents, and the bias accelerations from the
- * joints' own motion: v x (axis qd). */
+/* Computes the bodies' velocities from the parents' velocities, and the bias accelerations v x
+ * (axis qd). */
 INLINE void outward_velocity(const struct generic *g, struct group *group, lanes qd)
 {
     const lanes turning = group->turns * qd, sliding = qd - turning;
@@ -332,8 +334,8 @@ INLINE void project_inertia(const struct group *group, const struct inertia_lane
     }
 }
 
-/* Removes the joints' own motion from the articulated inertias and adds the remainder to the
- * parents. Extra inertia resists the joints' motion. */
+/* Removes the joints' own motion from the articulated inertias and bias forces, and adds the
+ * remainder to the parents. extra: inertia added to the joints. */
 INLINE void inward_articulated(const struct generic *g, struct group *group, lanes tau, lanes extra)
 {
     struct inertia_lanes A = group->A;
@@ -393,8 +395,8 @@ INLINE void inward_articulated(const struct generic *g, struct group *group, lan
     add_to_parents(g, group, offsetof(struct group, A), A.J, 21);
 }
 
-/* Computes the joints' accelerations from the parents' accelerations, and the bodies' accelerations
- * from both. The bodies' accelerations leave out those at vdot = 0. */
+/* Returns the joints' accelerations, computed from the parents' accelerations. Also computes the
+ * bodies' accelerations, without their part at vdot = 0. */
 INLINE lanes outward_acceleration(const struct generic *g, struct group *group)
 {
     struct spatial_lanes *a = &group->a;

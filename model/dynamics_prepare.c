@@ -42,7 +42,7 @@ static void align_axis(const double axis[3], double align[9])
     }
 }
 
-/* Sets one lane of count lanes. */
+/* Sets one lane of each of `count` lane vectors. */
 static void set_lanes(const double *x, int count, int lane, lanes *set)
 {
     for (int k = 0; k < count; k++) {
@@ -97,7 +97,7 @@ static void fill_body_lane(const struct robot *robot, const struct generic *g, s
     }
 }
 
-/* Adds a group without bodies, whose lanes continue those of the group `parent`. */
+/* Adds an empty group. Its lanes continue the lanes of the group `parent`. */
 static void add_group(struct generic *g, int parent)
 {
     struct group *group = &g->group[g->ngroup++];
@@ -114,9 +114,9 @@ static void add_group(struct generic *g, int parent)
     }
 }
 
-/* Puts body b into a free lane of the groups from `from` on. With `continues`, only the lane of its
- * parent counts, in a group that continues the parent's group. Returns false if no lane is free.
- * Sets *begun if a group continues the parent's group. */
+/* Puts body b into a free lane of the groups from `from` on. If `continues`, the body may take only
+ * the lane of its parent, in a group that continues the parent's group. Returns false if no lane is
+ * free. Sets *begun if a group continues the parent's group. */
 static bool find_lane(struct generic *g, int parent, size_t b, size_t from, bool continues,
                       bool *begun)
 {
@@ -149,8 +149,8 @@ static bool body_is_next(const struct robot *robot, const struct generic *g, siz
     return g->home[b] < 0 && home >= 0 && home < (int)from;
 }
 
-/* Distributes the bodies over as few groups as possible by their distance from the base. Limbs
- * first continue in their lanes; then the other bodies take the lanes that are left. */
+/* Distributes the bodies over as few groups as possible by their distance from the base. First,
+ * limbs continue in their lanes. Then the other bodies take free lanes. */
 static void group_bodies(const struct robot *robot, struct generic *g)
 {
     size_t from, count;

@@ -2,9 +2,9 @@
 /*
  * The numeric rigid-body algorithms for any tree, paper eq. (1): articulated-body forward dynamics,
  * Newton-Euler inverse dynamics, kinematics and energy (Featherstone, Rigid Body Dynamics
- * Algorithms, 2008, tables 5.1, 7.1 and section 9.4). Each is a sweep over groups of bodies.
- * dynamics_kernels.h has the steps at one group, dynamics_prepare.c makes the groups. This file is
- * compiled once per instruction set; SWEEPS_OPS names its functions.
+ * Algorithms, 2008, tables 5.1, 7.1 and section 9.4). Each algorithm sweeps over groups of bodies.
+ * dynamics_kernels.h has the steps for one group; dynamics_prepare.c makes the groups. This file is
+ * compiled once per instruction set; SWEEPS_OPS is the name of its function table.
  *
  * An upward acceleration of the base represents gravity.
  */
@@ -14,7 +14,7 @@
 #define SWEEPS_OPS generic_ops
 #endif
 
-/* Loads numbers of joints into the lanes of their bodies; 0 in other lanes. */
+/* Loads values of joints into the lanes of their bodies. Other lanes receive 0. */
 INLINE lanes load_joints(const struct group *group, const double *x)
 {
     const int *joint = group->joint;
@@ -22,7 +22,7 @@ INLINE lanes load_joints(const struct group *group, const double *x)
     return (lanes){x[joint[0]], x[joint[1]], x[joint[2]], x[joint[3]]} * (1.0 - group->idle);
 }
 
-/* Stores the lanes of the bodies as numbers of their joints. */
+/* Stores the values in the lanes of bodies as values of their joints. */
 INLINE void store_joints(const struct group *group, lanes x, double *stored)
 {
     for (int i = 0; i < GROUP; i++) {
@@ -32,7 +32,8 @@ INLINE void store_joints(const struct group *group, lanes x, double *stored)
     }
 }
 
-/* Stores a lane of x as the first numbers of an acceleration or a force. */
+/* Rotates a lane of x to the base frame and stores it as the base's part of an acceleration or a
+ * force. */
 static void store_base(const struct generic *g, const struct spatial_lanes *x, int lane, double *v)
 {
     const lanes *R = g->group[0].R;
@@ -60,8 +61,8 @@ static void read_base_inertia(const struct generic *g, struct spatial_inertia *A
     }
 }
 
-/* Computes the acceleration of a free base with the articulated inertia A under minus the force in
- * a lane of p. Fills the same lane of a, and vdot. */
+/* Solves A a = -p for the acceleration a of a free base, in one lane of p and a. A: articulated
+ * inertia. Also writes the base's part of vdot. */
 static void accelerate_base(const struct generic *g, const struct spatial_inertia *A,
                             const struct spatial_lanes *p, int lane, struct spatial_lanes *a,
                             double *vdot)
@@ -80,7 +81,8 @@ static void accelerate_base(const struct generic *g, const struct spatial_inerti
     store_base(g, a, lane, vdot);
 }
 
-/* Sets the motion of the base from the first numbers of a rate or an acceleration. */
+/* Sets the spatial motion x of the base from the base's part of v, a velocity or an acceleration. A
+ * fixed base gets 0. */
 static void set_base(const struct dynamics *d, const double *v, struct spatial_lanes *x)
 {
     const struct generic *g = d->work;
@@ -95,7 +97,7 @@ static void set_base(const struct dynamics *d, const double *v, struct spatial_l
     }
 }
 
-/* Computes sines and cosines of angles, which must not exceed 1e5: portable_sincos in lanes. */
+/* Computes sines and cosines of angles of at most 1e5 rad in lanes, as portable_sincos does. */
 INLINE void lanes_sincos(lanes x, lanes *sine, lanes *cosine)
 {
     const lanes shifted = x * 0.6366197723675814 + 0x1.8p52, n = shifted - 0x1.8p52;
@@ -123,7 +125,7 @@ INLINE void lanes_sincos(lanes x, lanes *sine, lanes *cosine)
     *cosine = (lanes)((((lanes_bits)c & ~odd) | ((lanes_bits)s & odd)) ^ ((k + 1) & 2) << 62);
 }
 
-/* Computes the sines and cosines of all joints' positions, for the groups. */
+/* Computes the sines and cosines of all joints' positions. */
 static void find_sines(const struct generic *g, const double *q)
 {
     const size_t njoint = g->nbody - 1;
@@ -146,7 +148,7 @@ static void find_sines(const struct generic *g, const double *q)
     }
 }
 
-/* Computes the poses of a group from those of the parents and the joints' positions. */
+/* Computes the poses of a group from the parents' poses and the joints' positions. */
 INLINE void place_group(const struct generic *g, struct group *group, const double *q)
 {
     const lanes slides = 1.0 - group->turns;
@@ -219,8 +221,8 @@ static void sweep_velocity(const struct dynamics *d, const double *q, const doub
     }
 }
 
-/* Computes the accelerations of all bodies from vdot (NULL: zero). lifts: an upward acceleration of
- * the base that represents gravity is added. */
+/* Computes the accelerations of all bodies from vdot (NULL: zero). lifts: adds the upward
+ * acceleration of the base that represents gravity. */
 static void sweep_acceleration(const struct dynamics *d, const double *vdot, bool lifts)
 {
     const struct generic *g = d->work;
@@ -312,7 +314,8 @@ static void subtract_wrenches(const struct generic *g, const struct wrench *ext)
     }
 }
 
-/* Computes the forces that the bodies' motions need at vdot (NULL: zero), less the wrenches. */
+/* Computes the forces that the bodies' motions need at vdot (NULL: zero), minus the external
+ * wrenches. */
 static void sweep_forces(const struct dynamics *d, const double *q, const double *v,
                          const double *vdot, const struct wrench *ext)
 {
@@ -347,7 +350,7 @@ static void sweeps_implicit(const struct dynamics *d, const double *q, const dou
                            extra ? load_joints(group, extra) + group->idle : group->idle);
     }
 
-    /* Outward: accelerations, apart from those at vdot = 0 */
+    /* Outward: accelerations, without their part at vdot = 0 */
     memset(&base->a, 0, sizeof base->a);
     if (d->robot->floating) {
         struct spatial_inertia A;
@@ -368,8 +371,9 @@ static void sweeps_forward(const struct dynamics *d, const double *q, const doub
 
 /* ---- responses ---- */
 
-/* Computes up to GROUP responses side by side, one per lane (struct dynamics_ops). Inward it visits
- * only bodies between the torques and the base, outward only bodies that the torques move. */
+/* Computes up to GROUP responses side by side, one per lane (struct dynamics_ops). The inward sweep
+ * visits only bodies between the torques and the base. The outward sweep visits only bodies that
+ * the torques move. */
 static void respond_side_by_side(const struct dynamics *d, int count, const double *tau,
                                  double *vdot)
 {
@@ -420,7 +424,7 @@ static void respond_side_by_side(const struct dynamics *d, int count, const doub
         }
     }
 
-    /* Outward: the base, then all that moves */
+    /* Outward: the base, then all bodies that move */
     struct response *base = &g->response[0];
 
     memset(&base->a, 0, sizeof base->a);
@@ -497,8 +501,8 @@ static void sweeps_inverse(const struct dynamics *d, const double *q, const doub
     }
 }
 
-/* Computes velocities of the frames of all bodies (struct dynamics_ops). They take the place of the
- * accelerations, so that the velocities for the last forces stay known. */
+/* Computes velocities of the frames of all bodies (struct dynamics_ops). It stores them in
+ * group->a, so that the known velocities in group->v stay valid. */
 static void sweeps_velocities(const struct dynamics *d, const double *q, const double *v,
                               struct body_motion *motion)
 {

@@ -12,7 +12,8 @@
 /* Computes dydt (n) from y (n) at time t (s). */
 typedef void integrator_function(void *context, double t, const double *y, double *dydt);
 
-/* Doubles of scratch per state, for the slopes of the stages and the state of the next slope. */
+/* Scratch per state variable, in doubles: the slopes of the stages, and the state at the next
+ * stage. */
 enum { RK4_SCRATCH = 5, DOPRI5_SCRATCH = 8 };
 
 /* Advances y (n) from t by h seconds with the classical fourth-order Runge-Kutta scheme (Hairer,

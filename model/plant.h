@@ -200,9 +200,9 @@ void plant_contact_mean(const struct plant *plant, size_t c, struct contact_wren
  * wrench of one pair in contact. Call it before the next plant_step or plant_energy. RT-safe. */
 size_t plant_patches(const struct plant *plant, struct contact_patch *patch, size_t max);
 
-/* Returns poses and velocities at the last sample: of the robot's bodies (nbody entries, of which
- * only those of observed bodies are set), then of the free bodies (nfree entries), at the origins
- * of their frames. */
+/* Returns poses and velocities at the last sample, at the origins of the bodies' frames: nbody
+ * entries for the robot, then nfree entries for the free bodies. Of the robot's entries, only those
+ * of observed bodies are set. */
 const struct body_motion *plant_motion(const struct plant *plant);
 
 /* Returns poses and velocities of all bodies of the robot in the present state, observed or not.

@@ -12,10 +12,11 @@
 /* Filters with at most this time constant are left out, s. */
 #define SHORTEST_FILTER_S 1e-9
 
-/* Share of a substep by which a delay may miss whole substeps and still count as whole. */
+/* A delay counts as whole substeps if it differs from them by at most this share of a substep. */
 #define WHOLE_SUBSTEP 1e-9
 
-/* Most that rk4, stable up to 2.78, lets a controller's bandwidth (rad/s) be, times the substep. */
+/* Largest product of a controller's bandwidth (rad/s) and the substep with rk4, which is stable up
+ * to 2.78. */
 #define RK4_DECAY 2.0
 
 /* Returns the whole substeps in the delay of a drive's commands. *rest receives the remainder, s.

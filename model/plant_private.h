@@ -102,7 +102,7 @@ struct plant_account {
 /* Arrays by body have nbody entries for the robot, then nfree for the free bodies. */
 struct plant {
     struct plant_config config; /* contact_body and free are the plant's own copies */
-    /* numeric dynamics, which give the motion of each body, for pushes and the center of mass */
+    /* numeric dynamics: motions of all bodies, for pushes and the center of mass */
     struct dynamics whole;
     struct plant_layout at;
     size_t ndrive, nspring, npassive, nhydraulic, nbristle;
@@ -426,8 +426,8 @@ static inline size_t plant_free_offset(const struct plant *plant, size_t body,
     return plant->at.free + PLANT_FREE_STATE * body + (size_t)part;
 }
 
-/* plant_free_reset sets the free bodies in plant->state to their starts and inverts their inertias;
- * plant_free_normalize normalizes their quaternions. */
+/* plant_free_reset sets the free bodies in plant->state to their initial states and inverts their
+ * inertias; plant_free_normalize normalizes their quaternions. */
 void plant_free_reset(struct plant *plant);
 void plant_free_normalize(struct plant *plant);
 

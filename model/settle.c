@@ -242,8 +242,8 @@ static bool is_sprung(const struct settle *s, size_t j)
 }
 
 /* Moves joint j until its coupling or passive spring of this stiffness, with any pressed stop,
- * carries the remaining torque. drive_torque must be up to date. Returns whether the joint has
- * moved. */
+ * carries the remaining torque. s->f must be up to date. least: smaller torques do not move the
+ * joint. Returns whether the joint has moved. */
 static bool lean_on_spring(struct settle *s, size_t j, double stiffness, double least)
 {
     struct plant *plant = s->plant;

@@ -46,7 +46,7 @@ static void place_point(const double R[9], const double p[3], double point[3])
     vec3_add_scaled(p, 1.0, turned, point);
 }
 
-/* Transforms a point and a rotation in the same way. */
+/* Transforms a point and a rotation to the frame in which R and p are given. */
 static void place_frame(const double R[9], const double p[3], double point[3], double rotation[9])
 {
     double turned[9];

@@ -219,7 +219,7 @@ static const struct loop_command *end_command(const struct loop_step *step)
     return loop_command_at(step->loop, step->t + step->length);
 }
 
-/* Returns I* without the limit for a rotor that ends with the speed v. */
+/* Returns I* at the end of a step, without the limit. v: the rotor's speed at the end. */
 static double end_target(const struct loop_step *step, double v)
 {
     const struct loop_command *law = end_command(step);
@@ -273,7 +273,7 @@ bool loop_revise_regime(const struct loop_step *step, double v, struct loop_regi
     if (regime->kind == LOOP_SATURATED) {
         const bool turns = step->hold > 0.0 && I * regime->flow < 0.0;
 
-        /* A current that reaches zero changes its sign or, if that leads back, stays zero */
+        /* A current that crosses zero changes its sign. If it crosses zero again, it stays zero */
         if (turns) {
             regime->flow = regime->turned ? 0.0 : -regime->flow;
             regime->turned = true;

@@ -45,7 +45,7 @@ struct loop_regime {
     enum loop_kind kind;
     double side; /* sign of the limit that holds */
     double flow; /* LOOP_SATURATED in a bridge with loss: sign of the current; 0 = none flows */
-    bool turned; /* the sign has turned once */
+    bool turned; /* the current has changed its sign once */
 };
 
 /* Returns the command in force t seconds after the start of the substep. */
@@ -54,14 +54,14 @@ static inline const struct loop_command *loop_command_at(const struct current_lo
     return &loop->command[t >= loop->switch_s];
 }
 
-/* Returns f at t. */
+/* Returns f, A, at t seconds after the start of the substep. */
 double loop_filtered(const struct current_loop *loop, double t);
 
-/* Returns I* at t, within the limit. *whole receives the value without the limit; it may be NULL.
+/* Returns I* at t, within the limit. *whole (may be NULL) receives the value without the limit.
  * */
 double loop_target(const struct current_loop *loop, double t, double qm, double qmd, double *whole);
 
-/* Fills the winding's equation in a regime, under a command. */
+/* Fills the winding's equation in a regime under the command `law`. */
 void loop_fill_row(const struct robot_sea *sea, const struct current_loop *loop,
                    const struct loop_command *law, enum loop_kind kind, struct loop_row *row);
 
@@ -90,12 +90,12 @@ void loop_step_implicit(const struct loop_span *span, double length, struct sea_
 
 /* ---- implicit steps ---- */
 
-/* A step of h seconds from t on. The current follows its exponential for `length` seconds, towards
- * the target that the rotor's end gives. */
+/* A step of h seconds from t on. The current follows its exponential for `length` seconds, toward
+ * the target at the rotor's final position and speed. */
 struct loop_step {
     const struct current_loop *loop;
     double R, L, Kw; /* of the warm drive */
-    double hold;     /* voltage that the bridge takes against the current, V */
+    double hold;     /* voltage drop of the bridge, against the current, V */
     double t, h, length;
     double I, qm; /* at the start */
 };
@@ -106,8 +106,9 @@ struct loop_line {
 };
 struct loop_line loop_linearize(const struct loop_step *step, const struct loop_regime *regime);
 
-/* Changes a regime to the regime that holds at the end, v being the solution in this regime. Begin
- * with LOOP_FREE. Returns false if the regime holds: at the latest in the fifth call. */
+/* Replaces the regime if it does not hold at the end of the step. v is the rotor's speed at the
+ * end, solved in this regime. Begin with LOOP_FREE and repeat until it returns false: the regime
+ * holds. The fifth call returns false at the latest. */
 bool loop_revise_regime(const struct loop_step *step, double v, struct loop_regime *regime);
 
 #endif

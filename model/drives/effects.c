@@ -595,7 +595,8 @@ void effects_step_implicit(const struct robot_sea *sea, const struct effects_bri
     *end = (struct effects_end){.state = *begin};
     equation.friction = effects_friction(sea, v, &carried);
     for (int i = 0; i < MEAN_ITERATIONS; i++) {
-        /* Any strength, damping and resistance is passive: take those of the last state */
+        /* The step is passive for any strength, damping and resistance, so use the values of the
+         * last state */
         const double winding = sea->L + h * effects_resistance(sea, &end->state);
         const double strength = field_strength(sea, begin->housing_c, end->state.sea.I);
         const double Kt = strength * sea->Kt;

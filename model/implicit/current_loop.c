@@ -2,8 +2,8 @@
 /*
  * Drives without effects under their own current controllers (model/drives/current_loop.h) in the
  * spans of the implicit integrator. Their flows are computed when a span first needs them, and
- * again after a change of a gain. As for drives at a voltage, a drive whose rotor oscillates too
- * fast takes implicit Euler steps of a stage.
+ * again after a change of a gain. A drive whose rotor oscillates too fast takes implicit Euler
+ * steps of a stage, as drives at a voltage do.
  */
 #include "model/implicit/private.h"
 

@@ -16,14 +16,15 @@
 #include <math.h>
 #include <string.h>
 
-/* Weights of two oscillations beside the rotor's on its spring in the decision whether a drive is
- * stiff: of the link on the spring, and of the rotor with the winding. An undamped link that
- * turns by 0.88 rad in a stage diverges with the scheme of drives that are not stiff. */
+/* A drive is stiff if one of its oscillations is too fast for a stage. These are the weights of the
+ * link on the spring and of the rotor with the winding, relative to the rotor on the spring. An
+ * undamped link that turns by 0.88 rad in a stage diverges with the scheme of drives that are not
+ * stiff. */
 #define LINK_SWING (1.0 / 1.5)
 #define WINDING_SWING 0.5
 
-/* A drive is stiff if the length of a stage times a rate exceeds this. The rates are those at which
- * iron drag slows the rotor, and at which the skin effect lowers the current. */
+/* A drive is stiff if the length of a stage times one of two rates exceeds this: the rate at which
+ * iron drag slows the rotor, or the rate at which the skin effect lowers the current. */
 #define DECAY 0.5
 
 /* Largest number of solutions of a stage, and the part of the torque by which the tangent of a

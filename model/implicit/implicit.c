@@ -478,7 +478,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
         im->upper[j] = robot->joint[j].upper;
     }
 
-    /* Couplings need dynamics that respond to them */
+    /* Set the unit loads of the couplings, and choose dynamics that can respond to them */
     for (size_t i = 0; ok && i < robot->ncoupling; i++) {
         coupling_press(&robot->coupling[i], -1.0, im->unit + i * robot->njoint);
     }

@@ -185,7 +185,7 @@ struct implicit {
     /* column: nv numbers per coupling; factor: n x n; see model/coupling.h */
     double *column, *factor;
     double *unit; /* torques of a unit load of each coupling, by joint */
-    /* the dynamics of P: the plant's, or numeric ones if those cannot respond to couplings */
+    /* dynamics of P: the plant's, or numeric dynamics if the plant's lack `respond` */
     const struct dynamics *tree;
     double *force; /* N m or N */
 
@@ -320,15 +320,15 @@ void implicit_account_joints(struct plant *plant, double weight, const double *s
 
 /* ---- drives side by side: lanes.c ---- */
 
-/* Bridge state of a lane that must be filled, because the drive's parameters have changed; no drive
- * has it. */
+/* Bridge state that no drive has. It marks a lane to fill again, because the drive's parameters
+ * have changed. */
 enum { BRIDGE_UNKNOWN = -1 };
 
 /* Loads the voltages and bridge states of a step into the lanes. */
 void implicit_hold_lanes(struct plant *plant);
 
-/* All drives: linearizes them into torque and extra of their joints, or advances them through a
- * span with the joints at the given rates (njoint). */
+/* Linearize all drives into torque and extra of their joints, or advance all drives through a span
+ * with the joints at the given rates (njoint). */
 void implicit_linearize_drives(struct plant *plant);
 void implicit_advance_drives(struct plant *plant, enum implicit_span span, const double *rates);
 

@@ -21,8 +21,8 @@
 #include <string.h>
 
 /* Limits of the conjugate gradients: number of steps, and residual relative to the first residual
- * (squared, in the norm of P^-1). The floor, 1e-12 m/s2 of 1 kg, is above the rounding of a robot
- * at rest, N m/s2. */
+ * (squared, in the norm of P^-1). COUPLING_FLOOR is the residual of 1 kg at 1e-12 m/s2, in N m/s2.
+ * It is above the rounding errors of a robot at rest. */
 enum { COUPLING_STEPS = 16 };
 #define COUPLING_LEFT 1e-8
 #define COUPLING_FLOOR 1e-24
@@ -274,10 +274,10 @@ void implicit_solve(struct plant *plant)
     }
     solve_uncoupled(plant, again ? im->held : NULL, true, im->a);
     if (im->coupled) {
-        /* Correct im->a from the solution with P and the held wrenches to the solution with P + C,
-         * by conjugate gradients. Residuals, s = P p and w = (P + C) p are wrenches on the contact
-         * bodies, because C produces no other loads. Accuracy: relative to the stage's first
-         * residual. */
+        /* im->a is the solution with P and the held wrenches. Correct it to the solution with P +
+         * C, by conjugate gradients. Residuals, s = P p and w = (P + C) p are wrenches on the
+         * contact bodies, because C produces no other loads. Accuracy: relative to the stage's
+         * first residual. */
         const size_t bytes = plant->config.ncontact * sizeof *im->r;
 
         /* Start with the solution of P, its residual -C a - held, and the first direction */
@@ -299,8 +299,8 @@ void implicit_solve(struct plant *plant)
         for (int step = 0; step < COUPLING_STEPS && rz > enough; step++) {
             const double last = rz;
 
-            /* Move along p until the residual is orthogonal to p. P + C is positive: a curvature
-             * that is not is rounding */
+            /* Move along p until the residual is orthogonal to p. P + C is positive definite, so a
+             * curvature of 0 or less is a rounding error */
             memcpy(im->w, im->s, bytes);
             add_coupling(plant, 1.0, im->twist_p, im->w);
 
