@@ -10,13 +10,13 @@
 
 enum { SIDES_MAX = 64 };
 
-/* Numbers of sides, and of rings per end, including the equator of its half-sphere. */
+/* Number of sides, and number of rings per end, including the equator of the end. */
 struct rings {
     int sides, rings;
 };
 
-/* Computes the vertices: rings from the lowest to the highest; the equators of both ends are in
- * the middle. */
+/* Computes the vertices: rings from the lowest to the highest, then the bottom and the top vertex.
+ * The equators of both ends are the middle rings. */
 static void rings_place_vertices(const struct rings *r, double radius, double length,
                                  double (*vertex)[3])
 {

@@ -107,11 +107,11 @@ enum error_code mesh_box(const double half_extent[3], int cells, struct arena *a
                          const struct mesh **mesh, struct error *error);
 
 /* Makes a capsule about the origin with its axis along z; length does not include the ends. It has
- * 16 sides, 4 rings per end, 256 faces. Its cross-section has the area of the circle: edges are
- * 1.3 % of the radius outside it, sides 0.7 % inside. The ends hold 2.5 % less volume than
- * half-spheres. flat: makes a cylinder of 64 sides instead; its edges are 0.08 % of the radius
- * outside the circle, its sides 0.04 % inside. The radius is over 0, the length 0 or more. Memory
- * from arena. */
+ * 16 sides, 4 rings per end, 256 faces. Its cross-section has the area of the circle: edges are 1.3
+ * % of the radius outside it, sides 0.7 % inside. The ends hold 2.5 % less volume than
+ * half-spheres. flat: makes a cylinder of 64 sides instead. Its edges are 0.08 % of the radius
+ * outside the circle, its sides 0.04 % inside. radius is over 0, length 0 or more. Memory from
+ * arena. */
 enum error_code mesh_capsule(double radius, double length, bool flat, struct arena *arena,
                              const struct mesh **mesh, struct error *error);
 

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Contact of capsules and spheres with each other, and of these and cylinders with half-spaces, in
- * the native engine.
- * Integrals along an axis use Gauss-Legendre quadrature in a variable that removes the roots of the
- * integrand at the ends of its range.
+ * Contact in the native engine: capsules and spheres with each other; capsules, spheres and
+ * cylinders with half-spaces. Integrals along an axis use Gauss-Legendre quadrature in a variable
+ * that removes the roots of the integrand at the ends of its range.
  *
  * Between two capsules, springs stand between points of either axis and the nearest point of the
  * other axis. The penetration is the sum of the radii minus their distance. The points of an axis
@@ -240,8 +239,9 @@ static void find_direction_across(const double n[3], double across[3])
 }
 
 /* Adds the spring of a slice at a distance `along` (m) downward from the middle of the axis. A
- * slice of a cylinder has two springs, apart by its mean width, so that friction brakes its spin.
- * turned: turns them by 90 degrees. */
+ * slice of a cylinder has two springs, each at the mean distance of the slice's area from its
+ * middle line. So friction resists the cylinder's spin. turned: rotates the springs of a whole disc
+ * by 90 degrees. */
 static void capsule_add_slice(const struct capsule_over_plane *c, double along, double radius,
                               double thickness, bool turned, struct native_batch *b,
                               struct native_sum *sum)
@@ -322,8 +322,8 @@ static void capsule_add_end(const struct capsule_over_plane *c, double side, str
     }
 }
 
-/* Adds the springs of a cylinder: of the part of its axis where the plane cuts the slices, then of
- * the part where the slices are below the plane. */
+/* Adds the springs of a cylinder: first of slices that the plane cuts, then of slices below the
+ * plane. rim: height of the end of the axis at which its disc touches the plane. */
 static void cylinder_add_springs(const struct capsule_over_plane *c, double rim,
                                  struct native_batch *b, struct native_sum *sum)
 {

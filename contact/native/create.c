@@ -112,8 +112,8 @@ static int shape_rank(enum contact_shape shape)
 }
 
 /* Returns the kind of a pair whose shapes are in the order of their ranks. meshes: kind of a pair
- * of two meshes. Against a mesh, a capsule is a mesh too: the visitor in a pressure field. A
- * cylinder is a mesh except on a half-space. */
+ * of two meshes. Against a mesh, a capsule is also a mesh, inside the pressure field of the other
+ * mesh. A cylinder is a mesh, except on a half-space. */
 static enum native_pair_kind pair_find_kind(enum contact_shape a, enum contact_shape b,
                                             enum native_pair_kind meshes)
 {

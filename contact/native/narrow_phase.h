@@ -115,7 +115,7 @@ void native_overlap_fields(const struct native_overlap *o);
  * facet. elastic_foundation.c. */
 void native_overlap_meshes(const struct native_overlap *o);
 
-/* Hertz's law for two spheres, or a sphere (first) on a half-space. It has no layers.
+/* Hertz's law, without layers: for two spheres, or for a sphere (first) on a half-space.
  * capsule.c. */
 void native_overlap_hertz(const struct native_overlap *o);
 
