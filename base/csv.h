@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Reads a table of numbers row by row from a text file. The first line has the titles; lines with #
- * may stand before it. Commas separate the columns. Any error in the file is ERROR_INPUT with
+ * Reads a table of numbers row by row from a text file. Lines that begin with # may come first. The
+ * next line has the titles. Commas separate the columns. An error in the file is ERROR_INPUT with
  * file:line. Not RT-safe.
  */
 #ifndef BASE_CSV_H

@@ -117,9 +117,9 @@ struct yaml_schema {
                               const char **path, struct error *error);
 };
 
-/* Rows of a schema, each for a key and a member of a struct. The types are: a whole number as int,
- * a number, seconds as nanoseconds, n numbers, a text, a nested mapping, a list or dictionary of
- * mappings. */
+/* Rows of a schema. Each row is for a key and a member of a struct. The types are: a whole number
+ * as int, a number, seconds as nanoseconds, n numbers, a text, a nested mapping, a list or
+ * dictionary of mappings. */
 #define YAML_COUNT(word, must, type, member, low, high)                                            \
     {                                                                                              \
         word, YAML_INT, must, offsetof(struct type, member), .count = sizeof(int), .min = low,     \

@@ -120,8 +120,8 @@ static inline void axis_apply_voltage(struct axis *axis, double v)
     axis->voltage_v = fmax(fmin(v, axis->supply_v), -axis->supply_v);
 }
 
-/* Hands a current to a controller with the gain kp, V/A, whose bandwidth is kp / L. Without a gain
- * the voltage is 0. */
+/* Commands a current to a current controller with the gain kp_v_a, whose bandwidth is kp_v_a / L.
+ * If the gain is 0, the voltage is 0. */
 void axis_follow_current(struct axis *axis, double current_a, double limit_a, double kp_v_a);
 
 /* Returns the current of the law in force at the last readings, A. */

@@ -327,7 +327,8 @@ static inline bool cia402_axis_is_on(const struct cia402_axis *axis)
     return cia402_state_is_on(axis->state);
 }
 
-/* Returns the gain of the drive's own current controller for L (V/A) or R (V/(A s)). */
+/* Returns a gain of the drive's own current controller: its bandwidth times `winding`. L gives the
+ * proportional gain, V/A; R gives the integral gain, V/(A s). */
 double cia402_own_gain(const struct board_axis_config *config, double winding);
 
 /* Sets the settings of an axis from the configuration of its board. */

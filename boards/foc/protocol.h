@@ -133,7 +133,7 @@ enum foc_encoder_state {
     FOC_QE_NOT_CALIBRATED = 1 << 4,
 };
 
-/* STATUS bytes 4-7: the bits that the boards here set; foc_fault_names names all */
+/* STATUS bytes 4-7: the bits that the simulated boards set. foc_fault_names names all bits */
 #define FOC_FAULT_OVER_CURRENT (UINT32_C(1) << 4)
 #define FOC_FAULT_OVER_VOLTAGE (UINT32_C(1) << 5)
 #define FOC_FAULT_UNDER_VOLTAGE (UINT32_C(1) << 6)

@@ -45,8 +45,8 @@ const char *icub_mode_name(uint32_t mode);
 
 bool icub_firmware(const struct board *board, struct board_firmware *firmware);
 
-/* Members common to the protocols of iCub boards. The reply's delay is assumed: no figure of the
- * boards is published. */
+/* Members common to the protocols of iCub boards. The delay of replies is an assumption, because no
+ * measured delay has been published. */
 #define ICUB_MEMBERS(motor)                                                                        \
     .address_max = ICUB_ADDRESS_MAX, .torque_boards = true, .padded = true, .external = true,      \
     .reply = {.delay_ns = 100000}, .bus = &icub_bus_ops,                                           \
