@@ -339,8 +339,8 @@ void paper_recorded_path(const struct paper *paper, const char *name, char path[
 
 /* ---- numbers from series ---- */
 
-/* Returns mean, minimum and maximum of y over the rows with from <= x < to; NAN if there is no such
- * row. */
+/* paper_over returns mean, minimum and maximum of y over the rows with from <= x < to; NAN if there
+ * is no such row. */
 struct paper_range {
     double mean, least, most;
 };

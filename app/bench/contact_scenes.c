@@ -24,7 +24,7 @@ static double random_number(uint64_t *seed)
     return (double)((*seed * 2685821657736338717u) >> 11) / 4503599627370496.0 - 1;
 }
 
-/* Begins a scene without surfaces. target_us 0 = no target. */
+/* Begins a scene without surfaces. target_us: target time of an evaluation; 0 = none. */
 static struct bench_scene *begin_scene(struct bench_scene *scene, const char *name, size_t nbody,
                                        double target_us)
 {

@@ -32,10 +32,10 @@ enum latency_kind { LATENCY_WAKE_UP, LATENCY_ECHO, LATENCY_BOARDS, LATENCY_KINDS
 
 static const char *const kind_name[LATENCY_KINDS] = {"wake-up", "echo", "boards"};
 
-/* The samples of all kinds. */
+/* Latencies by kind. */
 struct latency_result {
     struct histogram of[LATENCY_KINDS];
-    uint64_t lost[LATENCY_KINDS]; /* samples without an answer within CLOCK_SECOND */
+    uint64_t lost[LATENCY_KINDS]; /* samples without an answer within 1 s */
 };
 
 /* The measured boards. tap[bus] are the ports of the host. */

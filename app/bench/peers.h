@@ -28,11 +28,11 @@ struct peer_dynamics {
     /* Creates an engine for the robot. Returns NULL with a sentence in message if the engine does
      * not support the robot. */
     void *(*create)(const struct robot *robot, char *message, size_t size);
-    /* Creates an engine that steps the robot with its joint couplings. contact: NULL, or the robot
-     * stands: its joints have their passive springs, and it touches the ground. Each contact pair
-     * must then consist of a surface and a half-space; a mesh is replaced by its bounding box.
-     * body: index of the robot's body for each body of the contact model. NULL if the engine cannot
-     * step. */
+    /* Creates an engine that steps the robot with its joint couplings. contact: NULL for a robot
+     * without contact. Otherwise the robot stands on the ground, and its joints have their passive
+     * springs. Each contact pair must then consist of a surface and a half-space; a mesh is
+     * replaced by its bounding box. body: index of the robot's body for each body of the contact
+     * model. create_moving is NULL if the engine cannot step. */
     void *(*create_moving)(const struct robot *robot, const struct contact_config *contact,
                            const int *body, char *message, size_t size);
     void (*destroy)(void *engine);

@@ -37,8 +37,8 @@ const struct pendulum_paper_row pendulum_paper[2][PENDULUM_STEPS] = {
      {1e-13, 0.2, 1e-7, 1e-11, 0.1}},
 };
 
-/* The single and the double pendulum of the paper: count, gravity, masses, inertias, centers of
- * mass, reach, speed. */
+/* The single and the double pendulum of the paper: number of bodies, gravity, masses, inertias,
+ * centers of mass, distance between the axes, initial rate. */
 static const struct peer_chain chain_of[2] = {
     {1, 1.0, {1.0}, {5.5}, {1.0}, 0.0, PENDULUM_START_SPEED},
     {2, 1.0, {1.0, 2.0}, {5.5, 2.0}, {1.0, 2.5}, 2.0, PENDULUM_START_SPEED},

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Reduces a rig's robot to its bodies, joints and couplings, and measures its speed. */
+/* Reduces a rig's robot to its bodies, joints and couplings, and measures how fast it can be
+ * simulated. */
 #include "app/bench/bench.h"
 
 #include "base/vec3.h"

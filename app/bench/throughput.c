@@ -81,7 +81,7 @@ struct throughput {
     const char *task, *peers, *file;
     const char *const *rig;
     int64_t rounds;
-    bool alone;     /* without cases */
+    bool alone;     /* measures only the robot alone, no cases */
     double seconds; /* simulated time of a case, or of a rig for the benchmark ticks */
     struct peers_library library;
     const struct peer_dynamics *mujoco; /* NULL = not found */
