@@ -13,8 +13,7 @@
 #define GRAVITY 9.81 /* m/s2 */
 /* an effort above this multiple of the gravity load is a placeholder */
 #define PLACEHOLDER_TIMES 20.0
-/* lever of the robot's weight; below this load, as for wheels, the load does not limit the
- * effort */
+/* lever of the robot's weight. A smaller load, as of a wheel, does not limit the effort */
 #define WEIGHT_ARM_M 0.1
 #define STRENGTH_TIMES 3.0 /* ratio of the assumed strength to the gravity load */
 #define WHEEL_SHARE 0.5    /* least ratio of a wheel's strength to the robot's largest load */
@@ -33,7 +32,7 @@
 /* Computes the worst gravity load of each joint, with all bodies behind it stretched out
  * horizontally. For a floating robot, whose legs may carry it, the load is at least half of its
  * weight at the end of the leg. load is in N m, or N for a prismatic joint; reach is the distance
- * of the farthest body behind, m. Both must be 0 before. */
+ * of the farthest body behind, m. The caller sets both to 0 first. */
 static void robot_find_loads(const struct robot *robot, double *reach, double *load)
 {
     for (size_t b = 1; b < robot->nbody; b++) {
@@ -346,7 +345,7 @@ static enum error_code robot_find_tipping(const struct robot *robot, const doubl
         feet += down && !foot[robot->capsule[c].body];
         foot[robot->capsule[c].body] |= down;
     }
-    /* Sum the height of the center of mass, times the mass */
+    /* Compute the mass times the height of the center of mass */
     for (size_t b = 0; b < robot->nbody; b++) {
         double com[3];
 

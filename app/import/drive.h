@@ -45,13 +45,13 @@ struct import_gains {
 /* Computes gains from the drives, and from the inertia I of each joint in the given pose, rotor
  * included, with the other joints free.
  *
- * The stiffness K = kp N Kt / R is 20 times the worst gravity stiffness or, for a floating robot,
- * five times, because its load is half of its weight at the end of the limb. If the robot stands in
- * the pose, K is at least 1.5 times the tipping stiffness (weight times height of the center of
- * mass above the joint, divided by the number of feet). The file's dry friction deflects the loop
- * by at most 5 mrad. K is limited to between (30 rad/s)^2 I and (60 rad/s)^2 I. Above that, the
- * delay of the buses, about 4 ms, would use up the phase margin. The damping makes the loop
- * aperiodic: D = 2 sqrt(K I), minus the motor's own damping Dm + N Kt N Kw / R.
+ * The stiffness K = kp N Kt / R is 20 times the worst gravity stiffness. For a floating robot it is
+ * five times, because the load is then half of the weight at the end of the limb. If the robot
+ * stands in the pose, K is at least 1.5 times the tipping stiffness (weight times height of the
+ * center of mass above the joint, divided by the number of feet). The file's dry friction deflects
+ * the loop by at most 5 mrad. K is limited to between (30 rad/s)^2 I and (60 rad/s)^2 I. Above
+ * that, the delay of the buses, about 4 ms, would use up the phase margin. The damping makes the
+ * loop aperiodic: D = 2 sqrt(K I), minus the motor's own damping Dm + N Kt N Kw / R.
  *
  * Above the resonance of the spring, the loop moves only the rotor. Therefore the part of D from
  * feedback is at most J / 10 ms, and K is at most (100 rad/s)^2 J and D^2 / I (half of the

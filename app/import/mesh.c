@@ -224,8 +224,8 @@ static double mesh_find_center(const struct import_mesh *mesh, enum import_solid
     for (size_t f = 0; f < mesh->nface; f++) {
         double corner[3][3], volume = pyramid_measure(mesh, f, apex, solid, corner);
 
-        /* The center of a pyramid is a quarter of the sum of its four corners; the apex is the
-         * origin. The center of a face is a third of the sum of its own */
+        /* Corners are relative to the apex. The center of a pyramid is a quarter of the sum of its
+         * corners, the center of a face a third */
         total += volume;
         for (int c = 0; c < 3; c++) {
             vec3_add_scaled(sum, share * volume, corner[c], sum);
@@ -244,7 +244,7 @@ double import_measure_mesh(const struct import_mesh *mesh, enum import_solid sol
     static const double origin[3];
     double second[3][3] = {{0}}, middle[3], trace, total, own = 0.0;
 
-    /* Pyramids have their apex in the center of the surface */
+    /* Use the center of the surface as the apex of the pyramids */
     memset(I, 0, 6 * sizeof *I);
     total = mesh_find_center(mesh, IMPORT_SOLID_SHELL, origin, middle);
     total = total > 0.0 ? mesh_find_center(mesh, solid, middle, center) : 0.0;
@@ -285,9 +285,9 @@ double import_measure_mesh(const struct import_mesh *mesh, enum import_solid sol
 
 /* ---- convex hull ---- */
 
-#define HULL_STEPS_MAX 200000000 /* comparisons of vertices, faces and edges */
+#define HULL_STEPS_MAX 200000000 /* limit of comparisons of vertices, faces and edges */
 enum { HULL_SPARE = 16 };
-#define HULL_FLAT 1e-10 /* least height of a vertex above a face, over the mesh's size */
+#define HULL_FLAT 1e-10 /* least height of a vertex above a face, relative to the mesh's size */
 
 /* A face of a hull, with its plane: unit normal, and distance from the origin. */
 struct hull_face {
@@ -299,7 +299,7 @@ struct hull_face {
 struct hull {
     double (*vertex)[3];
     size_t nvertex, nface, nseen, steps;
-    struct hull_face *face, *seen; /* seen: faces below the newest vertex */
+    struct hull_face *face, *seen; /* seen: faces that the newest vertex is above */
 };
 
 static void hull_add_face(struct hull *hull, int a, int b, int c)
@@ -349,7 +349,7 @@ static double hull_begin(struct hull *hull)
         }
     }
 
-    /* The first face has its normal away from the last corner */
+    /* Orient the faces: the normal of the first face points away from the last corner */
     const double *plane = hull->face[0].plane;
     const bool above = vec3_dot(plane, hull->vertex[corner[3]]) > plane[3];
     const int a = corner[above], b = corner[!above];
@@ -362,8 +362,8 @@ static double hull_begin(struct hull *hull)
     return size;
 }
 
-/* Adds a vertex to a hull. The faces below the vertex give way to faces between their common border
- * and the vertex. Returns false after too many steps. */
+/* Adds a vertex to a hull: replaces the faces below the vertex by faces from their border to the
+ * vertex. Returns false after too many steps. */
 static bool hull_add(struct hull *hull, int vertex, double least)
 {
     const double *point = hull->vertex[vertex];
@@ -422,7 +422,7 @@ enum error_code import_make_hull(const struct import_mesh *mesh, struct arena *a
         return error_set(error, ERROR_INPUT, "found a flat mesh, expected one with a volume");
     }
 
-    /* Add the vertices in 64 rounds through the list, because neighbors in a file are close */
+    /* Add every 64th vertex in each of 64 rounds, because neighbors in a file are close together */
     for (size_t i = 0; i < 64 * stride; i++) {
         const size_t vertex = i / stride + i % stride * 64;
 

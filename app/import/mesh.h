@@ -72,8 +72,8 @@ enum error_code import_parse_mesh(const char *name, bool is_file, const char *te
 double import_measure_mesh(const struct import_mesh *mesh, enum import_solid solid,
                            double center[3], double I[6]);
 
-/* Makes the convex hull of a mesh's vertices; the hull uses the array of vertices. Returns
- * ERROR_INPUT for a flat mesh, and for a hull of so many faces that it takes too long. */
+/* Makes the convex hull of a mesh's vertices. The hull shares the mesh's array of vertices. Returns
+ * ERROR_INPUT for a flat mesh, and for a hull with too many faces. */
 enum error_code import_make_hull(const struct import_mesh *mesh, struct arena *arena,
                                  struct import_mesh *out, struct error *error);
 

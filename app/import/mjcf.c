@@ -446,7 +446,7 @@ static void mjcf_read_body(struct import_reader *r, const xmlNode *node, int par
 
 /* ---- the whole ---- */
 
-/* Scales the masses and inertias of all bodies to the total of settotalmass. */
+/* Scales the masses and inertias of all bodies so that their total mass is settotalmass. */
 static void mjcf_set_total_mass(const struct import_reader *r)
 {
     double mass = 0.0;

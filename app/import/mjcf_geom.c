@@ -170,8 +170,8 @@ static void geom_add_inertia(const struct import_reader *r, const xmlNode *node,
     import_add_inertia(inertia, &own, &g->place);
 }
 
-/* Moves a geom so that its mesh may stay where the file has it: MuJoCo subtracts refpos from the
- * vertices, turns them back by refquat, and scales them. */
+/* Moves a geom so that the vertices of its mesh can stay as in the mesh file. MuJoCo subtracts
+ * refpos from the vertices, rotates them by the inverse of refquat, and scales them. */
 static void geom_move_mesh(const struct import_reader *r, const xmlNode *mesh,
                            struct import_geometry *g)
 {
@@ -298,7 +298,7 @@ void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, int link
     }
 
     /* Read dimensions first, because mass and inertia depend on them. Where MuJoCo fits a shape to
-     * a mesh, take the mesh itself, without a mass */
+     * a mesh, use the mesh itself, without mass */
     fitted = g.shape != IMPORT_MESH && mjcf_attribute(r, node, "mesh");
     if (fitted) {
         reader_note(r, IMPORT_SHAPED, node,
@@ -316,8 +316,8 @@ void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, int link
     }
     g.collision = type != 0 || affinity != 0;
 
-    /* Read the color of a geom from its rgba or its material. Read whether MuJoCo's viewer shows
-     * it, which shows groups 0 to 2. Ignore colors in the mesh file. */
+    /* Read the color of a geom from its rgba or its material. A geom is visible if it is in groups
+     * 0 to 2, as in MuJoCo's viewer. Ignore colors in the mesh file. */
     static const double gray[4] = {0.5, 0.5, 0.5, 1.0}, white[4] = {1.0, 1.0, 1.0, 1.0};
     const char *name = mjcf_attribute(r, node, "material");
     const struct xml_name *material = name ? xml_names_find(&r->materials, name, NULL) : NULL;

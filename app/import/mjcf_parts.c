@@ -291,8 +291,9 @@ bool mjcf_clamp(const struct import_reader *r, const xmlNode *node, const char *
     return true;
 }
 
-/* Finds the range of an actuator's force. If force is a gain times control or activation, their
- * range limits it; forcerange limits the force of any actuator. */
+/* Finds the range of an actuator's force. If the force is a gain times the control or the
+ * activation, the range of the control or activation limits the force. forcerange limits the force
+ * of any actuator. */
 static void actuator_find_range(const struct import_reader *r, const xmlNode *node, double range[2])
 {
     const bool general = xml_is(node, "general");
@@ -380,7 +381,7 @@ void mjcf_read_actuators(const struct import_reader *r)
 
     for (const xmlNode *node = mjcf_next(r, "actuator", NULL, NULL); node && sum;
          node = mjcf_next(r, "actuator", NULL, node)) {
-        /* For joints of one coordinate, jointinparent means the same */
+        /* For joints of one coordinate, jointinparent means the same as joint */
         const char *name = xml_attribute(node, "joint"), *tendon = xml_attribute(node, "tendon");
 
         name = name ? name : xml_attribute(node, "jointinparent");

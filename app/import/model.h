@@ -42,7 +42,8 @@ enum import_shape {
     IMPORT_MESH
 };
 
-/* How a mesh gives mass and inertia, see import_measure_mesh. Convex: by its hull. */
+/* Method to compute mass and inertia from a mesh; see import_measure_mesh. IMPORT_SOLID_CONVEX
+ * measures the hull of the mesh. */
 enum import_solid {
     IMPORT_SOLID_PYRAMIDS,
     IMPORT_SOLID_EXACT,

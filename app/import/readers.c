@@ -6,7 +6,7 @@
 
 #include <string.h>
 
-/* Range of a slide without limits. */
+/* Limit in both directions for a prismatic joint without limits, m. */
 #define SLIDE_MAX_M 100.0
 
 void reader_note(const struct import_reader *r, enum import_fate fate, const xmlNode *node,

@@ -44,7 +44,7 @@ struct import_reader {
     bool autolimits, exact_meshes;
     enum mjcf_inertia from_geom;
     double groups[2];    /* range of geom groups that add to inertia */
-    double total_mass;   /* kg, of settotalmass; 0 = as the file adds up */
+    double total_mass;   /* settotalmass, kg; 0 = sum of the bodies */
     const char *meshdir; /* "" = the file's folder */
     const char *imu_site, *imu_name;
     double *ref;        /* by joint: MuJoCo's position in the pose of the file */
@@ -110,15 +110,16 @@ void mjcf_expand_includes(const struct import_reader *r);
 /* Lists default classes, meshes and materials by name. */
 void mjcf_index(struct import_reader *r);
 
-/* Reads the place of the frames around a node in its body. Returns false if it is in none. */
+/* Computes the pose, in the body, of the <frame> elements around a node. Returns false if there are
+ * none. */
 bool mjcf_read_frame(const struct import_reader *r, const xmlNode *node,
                      struct import_place *place);
 
 /* Checks whether an equality is active. */
 bool mjcf_is_active(const struct import_reader *r, const xmlNode *node);
 
-/* Clamps limit to scale times the range in attribute WHATrange, if WHATlimited or autolimits says
- * so. Returns whether it says so. */
+/* Clamps limit to scale times the range in attribute WHATrange, if WHATlimited or autolimits
+ * enables the range. Returns whether the range is enabled. */
 bool mjcf_clamp(const struct import_reader *r, const xmlNode *node, const char *what, double scale,
                 double limit[2]);
 

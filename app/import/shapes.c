@@ -15,13 +15,13 @@ enum {
     SECTORS = 12,    /* sectors about a wheel's axis, each of which must have rim */
 };
 
-/* Smallest distances from the axis, as shares of the largest: of points of the rim, and of points
- * of the tread, whose width is the wheel's width. */
+/* Smallest distances of points of the rim and of the tread from the axis, as shares of the largest
+ * distance. The width of the tread is the wheel's width. */
 #define RIM 0.95
 #define TREAD 0.9
 
-/* The box about a mesh of a base on wheels is smaller by this on all sides, so that the wheels bear
- * the weight. */
+/* On a base with wheels, the box of a mesh is smaller than the mesh by this on all sides, so that
+ * the wheels bear the weight. */
 #define CLEARANCE_M 5e-3
 
 void import_place_shape(const struct import_builder *b, const struct import_geometry *shape,
@@ -216,7 +216,7 @@ static bool shape_fit_mesh(const struct import_builder *b, const struct import_g
         return false;
     }
 
-    /* Keep the surface as an OBJ file for scenes that use it */
+    /* Fit the shape, and write the mesh as an OBJ file for scenes that use it */
     const double(*point)[3] = (const double(*)[3])mesh.vertex;
 
     if (!cylinder_hold_wheel(b, shape, point, mesh.nvertex, capsule)) {
@@ -242,8 +242,8 @@ static bool shape_fit_mesh(const struct import_builder *b, const struct import_g
 
 /* ---- the whole ---- */
 
-/* Fits a capsule to a shape, in the shape's frame, and adds a note if it is inexact. Ellipsoids
- * get an enclosing capsule, meshes a capsule or box, wheels of meshes a cylinder. Returns false if
+/* Fits a capsule to a shape, in the shape's frame, and adds a note if it is inexact. Ellipsoids get
+ * an enclosing capsule, meshes a capsule or box, meshes of wheels a cylinder. Returns false if
  * there is none. */
 static bool shape_fit(const struct import_builder *b, const struct import_geometry *shape,
                       struct robot_capsule *capsule)
@@ -363,7 +363,8 @@ double import_capsule_bottom(const struct robot_capsule *capsule, const struct b
     const struct body_motion *body = &bodies[capsule->body];
     double end[3], world[3], reach = capsule->radius, turn[9], bottom = INFINITY;
 
-    /* How far a disc or a box reaches down. The last row of the rotation is the vertical */
+    /* Compute how far a disc or a box reaches down. The last row of the rotation is the vertical
+     * direction in the shape's frame */
     mat3_mul(body->R, capsule->rotation, turn);
     reach *= capsule->flat ? hypot(turn[6], turn[7]) : 1.0;
     for (int m = 0; m < 3 && capsule->radius == 0.0; m++) {

@@ -303,7 +303,7 @@ static void simplify_sum_inertias(struct simplifier *r)
 
 /* ---- the base ---- */
 
-/* Counts the limbs on the base that have two joints or more. wheels: counts the limbs of one
+/* Counts the limbs on the base that have two joints or more. wheels: counts the limbs that are one
  * continuous joint instead. */
 static size_t robot_count_limbs(const struct import_robot *out, bool wheels)
 {
@@ -356,7 +356,7 @@ static void simplify_choose_base(struct simplifier *r)
         return;
     }
 
-    /* Otherwise guess, and add a note: a base with two limbs or wheels or more floats */
+    /* Otherwise guess, and add a note. A base floats if it has at least two limbs or two wheels */
     if (!strcmp(root->name, "world") || robot->body[0].inertia.mass <= NO_MASS_KG) {
         robot->floating = false;
         why = "the root has no mass or is the world";

@@ -43,7 +43,7 @@ struct import_robot {
     int *body;
     struct import_place *place; /* by link of the model: its pose in the body */
     bool *fixed;                /* by joint of the model: whether it is fixed */
-    bool rolls;                 /* wheels hang on the base: continuous joints, two or more */
+    bool rolls;                 /* the base has at least two wheels, on continuous joints */
     /* By joint of the robot: its drive from the catalogue; NULL = assume a drive */
     const struct robot_drive **drive;
     const char **drive_file; /* by joint of the robot: name of the drive in a robot file */

@@ -20,7 +20,8 @@
 /* Radius of a collision or visual sphere whose radius in the file is 0. */
 #define POINT_RADIUS_M 1e-3
 
-/* Value that some tools write for a joint without a limit; limits beyond 50 turns mean none. */
+/* Value that some tools write for a missing limit. Limits beyond ANGLE_NONE (50 turns) also mean
+ * none. */
 #define NO_LIMIT (-1.0)
 #define ANGLE_NONE (100.0 * M_PI)
 

@@ -30,7 +30,7 @@ struct import_rig {
     double height_m;               /* height of a hanging floating base above the ground */
     const char *standing;          /* name of the pose for standing, or NULL */
     double standing_height_m;
-    bool rolls; /* on wheels */
+    bool rolls; /* the robot stands on wheels */
 };
 
 /* Write the rig with a hanging or fixed base, and the rig with the standing robot. */
