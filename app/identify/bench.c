@@ -310,8 +310,8 @@ static enum error_code check_recordings(const struct bench *bench, struct error 
     return ERROR_NONE;
 }
 
-/* Refuses the name of a group that no recording of the bench has. file: the name may also be that
- * of a recording's file. */
+/* Refuses a group that no recording of the bench has. file: also accepts the name of a recording's
+ * file. */
 static enum error_code check_group(const struct bench *bench, const struct yaml_mark *mark,
                                    const char *group, bool file, struct error *error)
 {
@@ -438,7 +438,7 @@ static size_t comment_size(const char *text)
     return (size_t)(at - text);
 }
 
-/* Copies columns, with the name of a joint in the place of "*". */
+/* Copies the titles of columns and replaces "*" by the name of a joint. */
 static enum error_code take_joint(const struct bench_columns *columns, const char *joint,
                                   struct arena *arena, struct bench_columns *taken,
                                   struct error *error)
@@ -663,8 +663,8 @@ static void skip_rows(struct recording *r, size_t rows)
 }
 
 /* Names the recordings of a file's joints. Recordings of a log get a common zero of time.
- * Recordings of a run begin with the first voltage or motion: until then a brake may hold the
- * joints. */
+ * Recordings of a run begin with the first voltage or motion, because a brake may hold the joints
+ * before. */
 static enum error_code finish_recording(const struct identify_bench *bench, struct arena *arena,
                                         struct recording *r, struct error *error)
 {

@@ -21,12 +21,13 @@
 #define NEAREST 0.98
 #define TOLERANCE 1e-4
 
-/* Gain from errors of the position to commands in the first round of a fit to several joints, in
- * largest commands per rad. Without it, distant start values end in local minima where gravity
- * turns a joint over. */
+/* Feedback gain from position errors to commands in the first round of a fit of several joints, in
+ * units of the largest command per rad. Without this feedback, distant start values end in local
+ * minima, where gravity turns a joint over. */
 #define GUIDE 10.0
 
-/* A Jacobian is updated while it predicts the change of the residuals up to this share (RMS). */
+/* The Jacobian is updated, not computed again, while the RMS error of its prediction is at most
+ * this share of the RMS change of the residuals. */
 #define MISSED 0.3
 
 /* A parameter with a larger |sin u| is at its bound. */
@@ -50,7 +51,7 @@ struct fit {
     size_t nrow;       /* number of residuals of recordings */
     size_t m;          /* number of residuals, priors included */
     enum signal judge; /* first measured signal; residuals have its unit */
-    double guide;      /* of all simulations */
+    double guide;      /* feedback gain of all simulations (GUIDE) */
     double level;      /* error of one independent measurement, which scales the priors */
     double weight[SIGNALS];
     double *jacobian;             /* the latest Jacobian, in column order; m rows */
@@ -265,8 +266,8 @@ static void find_rms(const struct fit *fit, const double *residual, double rms[S
     }
 }
 
-/* Updates the Jacobian by the residuals at other variables (Broyden). Returns whether it predicted
- * these residuals well; else the Jacobian has to be computed. */
+/* Updates the Jacobian from the residuals at new variables (Broyden's method). Returns whether it
+ * predicted these residuals well. If not, compute the Jacobian again. */
 static bool update_jacobian(struct fit *fit, size_t n, const double *u, const double *residual)
 {
     double step[IDENTIFY_FREE_MAX], square = 0.0, missed = 0.0, change = 0.0;
@@ -348,7 +349,7 @@ static int fit_evaluate(void *context, int m, int n, const double *u, double *re
     return fit->code ? -1 : 0;
 }
 
-/* ---- what the fit tells ---- */
+/* ---- results of the fit ---- */
 
 /* Returns the number of rows that count as one independent measurement: 1 + 2 times the sum of the
  * residuals' autocorrelation up to its first zero, over the first signals of all recordings. */
@@ -502,8 +503,9 @@ static void weigh_residuals(struct fit *fit, const double *residual, bool reweig
     }
 }
 
-/* Runs the solver twice. The second round begins with a computed Jacobian, and weighs priors and
- * signals by the errors of the first one. With several joints a guided round comes before. */
+/* Runs the solver in two rounds, each from a newly computed Jacobian. The second round weighs
+ * priors and signals by the errors of the first round. A fit of several joints has a guided round
+ * before both. */
 static enum error_code run_solver(struct fit *fit, double *u, double *residual, double *jacobian,
                                   double *last, struct fit_result *result)
 {
@@ -583,7 +585,8 @@ enum error_code fit_solve(const struct fit_problem *problem, struct fit_result *
 
 /* ---- preparing ---- */
 
-/* Adds a free parameter, unless the problem has it. Its defaults depend on the drive. */
+/* Adds a free parameter, unless the problem has it. The default start and bounds depend on the
+ * drive. */
 static enum error_code add_free(struct fit_problem *problem, const struct bench_free *given,
                                 int parameter, struct error *error)
 {

@@ -21,7 +21,7 @@ static const double RANGES_MAX = 1.5;
  * and measured currents can raise the mean error a little. */
 static const double WORSE = 1.05;
 
-/* Replaces the numbers of the drives by the numbers of a bench and of its groups. */
+/* Sets the parameters that a bench file gives, for all recordings or for groups of recordings. */
 static enum error_code set_numbers(struct identify_bench *bench, struct error *error)
 {
     const size_t nnumber = bench->bench.nnumber, all = nnumber + bench->bench.ngroup_number;
@@ -55,8 +55,9 @@ static enum error_code set_numbers(struct identify_bench *bench, struct error *e
     return ERROR_NONE;
 }
 
-/* Finds the first joint that shares the drive of joint j. The bench gives both the same name of a
- * drive, or else the robot's file gives both the same numbers. */
+/* Returns the first joint with the drive of joint k of the bench. Two joints share a drive if the
+ * bench names the same drive for both. If it names no drive for both, they share a drive if the
+ * robot file gives both the same parameters. */
 static int find_drive(const struct identify_bench *bench, size_t k)
 {
     const struct trial_robot *trial = &bench->trial;
@@ -77,7 +78,7 @@ static int find_drive(const struct identify_bench *bench, size_t k)
     return trial->at[k];
 }
 
-/* Copies the robot's joints, and finds those to identify and their drives. */
+/* Copies the robot's joints. Finds the joints to identify, and their drives. */
 static enum error_code take_joints(struct identify_bench *bench, struct error *error)
 {
     struct trial_robot *trial = &bench->trial;
@@ -144,7 +145,8 @@ static enum error_code load_bench_drive(const char *path, struct arena *arena,
 }
 
 /* Loads the rig and copies its robot. Refuses a robot without electric drives or on a floating
- * base, and several joints with an output that is for a single joint. */
+ * base. Also refuses an output that only a robot of one joint can have, if there are several
+ * joints. */
 static enum error_code load_bench_rig(const char *path, struct arena *arena,
                                       struct identify_bench *bench, struct error *error)
 {
@@ -375,8 +377,8 @@ static bool leaves_range(const struct trial_robot *trial, const struct recording
 }
 
 /* Simulates all recordings with the parameters of a trial, and computes the mean errors of their
- * first signals, or with `share` the RMS errors as shares. failure may be NULL; it receives why a
- * simulation of a recording in use is of no use. */
+ * first signals, or with `share` the RMS errors as shares. failure (may be NULL) receives why the
+ * simulation of a fitted recording cannot be used. */
 static enum error_code judge_all(const struct identify_bench *bench,
                                  const struct trial_robot *trial, bool share, struct arena *arena,
                                  double *found, struct simulated all[IDENTIFY_RECORDINGS_MAX],

@@ -34,12 +34,12 @@ enum { TRIAL_JOINTS_MAX = 16 };
 /* Largest number of parameters of a bench file with a value for a group of recordings. */
 enum { GROUP_NUMBERS_MAX = 16 };
 
-/* A parameter is given by its index plus parameter_count times the index of its joint, or by
- * IDENTIFY_NONE. The joint of a drive's parameter is the first one of that drive. Its name is its
- * key, or "JOINT.KEY". */
+/* The number of a parameter is its index in `parameters` plus parameter_count times the index of
+ * its joint. IDENTIFY_NONE means no parameter. For a parameter of a drive, the joint is the first
+ * joint with this drive. The name of a parameter is its key, or "JOINT.KEY". */
 enum { IDENTIFY_NONE = -1 };
 
-/* Returns the index of the parameter with this name, of joint 0, or IDENTIFY_NONE. */
+/* Returns the number of the parameter with this name for joint 0, or IDENTIFY_NONE. */
 int parameter_find(const char *name);
 
 /* Finds the index of the parameter with this name. An unknown key is ERROR_INPUT; the error
@@ -110,15 +110,15 @@ struct trial_robot {
     /* by joint of the robot: the first joint with its drive, or -1 = not identified */
     int drive[TRIAL_JOINTS_MAX];
     struct bench_mount mount;
-    /* gain from errors of the position to commands, largest commands per rad; 0 = none */
+    /* feedback gain from position errors to commands, in largest commands per rad; 0 = none */
     double guide;
     struct group_number group[GROUP_NUMBERS_MAX + IDENTIFY_FREE_MAX];
     size_t ngroup;
 };
 
-/* Finds the parameters that a name selects. "JOINT.KEY" selects that of one joint. "KEY" selects
- * one of each drive, or for a parameter of the bench one of each joint. ERROR_INPUT for an unknown
- * key or joint. */
+/* Finds the parameters that a name selects. "JOINT.KEY" selects the parameter of one joint. "KEY"
+ * selects the parameter of every drive, or of every joint if the parameter belongs to the bench.
+ * ERROR_INPUT for an unknown key or joint. */
 enum error_code parameter_resolve(const struct trial_robot *trial, const char *name,
                                   int parameter[TRIAL_JOINTS_MAX], size_t *count,
                                   struct error *error);
@@ -190,9 +190,9 @@ struct bench_columns {
     struct yaml_mark mark;
     /* NULL = no such column; "*" stands for the name of the joint */
     const char *title[COLUMNS];
-    const char *gain_word; /* the number after this word in the file's comments is the gain */
-    bool voltage_before;   /* a row's voltage was on before its time, as in "run --record" */
-    double command_at;     /* share of the time to the next row when a command comes into force */
+    const char *gain_word;    /* the number after this word in the file's comments is the gain */
+    bool voltage_before;      /* a row's voltage was on before its time, as in "run --record" */
+    double command_at;        /* a command starts at this share of the time to the next row */
     bool current_is_optional; /* a recording may lack the column of the current */
 };
 
@@ -203,12 +203,11 @@ struct bench_sigmas {
 };
 
 /* A servo: duty = duty_per_rad gain (goal - position), clipped to duty_max; voltage = duty supply.
- * A host's loop about the spring, run once per row of the recording:
- *     told += torque_share (torque_gain (load torque, torque_delay_s ago) - told)
- *     correction = torque_kp (reference - told), clipped to torque_limit_nm
- *     command = torque_feed_forward reference + correction
- * The correction changes in the first row of each period of a clock, torque_period_s; 0 = in each
- * row. */
+ * A host's torque loop about the spring. It computes once per row of the recording: told +=
+ * torque_share (torque_gain (load torque, torque_delay_s ago) - told) correction = torque_kp
+ * (reference - told), clipped to torque_limit_nm command = torque_feed_forward reference +
+ * correction The correction changes only in the first row of each period torque_period_s; 0 = in
+ * every row. */
 struct bench_law {
     struct yaml_mark mark;
     double duty_per_rad, duty_max;
@@ -223,7 +222,7 @@ extern const struct word limit_words[];
 struct bench_limit {
     struct yaml_mark mark;
     int what;              /* the value of a limit_words */
-    const char *of;        /* a group or a file of recordings; NULL = all that judge */
+    const char *of;        /* group or file of recordings; NULL = all for validation */
     double percent;        /* largest accepted error */
     double wanted_percent; /* wanted error, which may be missed; NAN = none */
 };
@@ -284,8 +283,8 @@ struct bench_published {
     double error[2];
 };
 
-/* A joint of a bench. Joints with the same name of a drive share its numbers; without a name, those
- * whose drives are equal in the robot's file. */
+/* A joint of a bench. Joints that name the same drive share its parameters. Joints that name no
+ * drive share parameters if their drives are equal in the robot file. */
 struct bench_joint {
     struct yaml_mark mark;
     const char *joint, *drive; /* drive may be NULL */
@@ -302,7 +301,7 @@ struct bench {
     struct bench_law law;
     double robust_rad; /* larger errors count linearly; 0 = all errors are squared */
     double limit[2];   /* largest accepted mean error: [0] in the signal's unit, [1] as a share */
-    struct bench_limit *limits; /* each is judged apart */
+    struct bench_limit *limits; /* each has its own verdict */
     size_t nlimit;
     double diagram_nm; /* largest motor torque of the drive/back-drive diagram; 0 = no diagram */
     struct bench_free *free;
@@ -341,8 +340,8 @@ struct recording {
 enum error_code bench_read(const char *path, struct arena *arena, struct bench *bench,
                            struct error *error);
 
-/* Makes a bench for recordings of "coman-hil run --record". joint: the only one to identify; NULL =
- * all. */
+/* Makes a bench for recordings of "coman-hil run --record". joint: the only joint to identify; NULL
+ * = all joints. */
 enum error_code bench_of_own(const char *joint, struct arena *arena, struct bench *bench,
                              struct error *error);
 
@@ -463,9 +462,9 @@ struct simulated {
     bool diverged;
 };
 
-/* Simulates a recording, and the recordings of the other joints of its file, which follow it, from
- * rest at their first positions, with the parameters of a trial. The caller provides the arrays of
- * out, one element per joint. */
+/* Simulates the recordings of all joints of a file with the parameters of a trial. The joints start
+ * at rest at their first positions. recording: the first one; the others follow it. out: one
+ * element per joint, with arrays of the caller. */
 enum error_code simulate_recording(const struct rig *rig, const struct trial_robot *trial,
                                    const struct bench_law *law, const struct recording *recording,
                                    struct simulated *out, struct error *error);
@@ -489,11 +488,11 @@ struct simulation_error simulation_compare(const double *measured, const double 
  * Overshoot is the largest value beyond the change, as a share of it.
  *
  * Sweep: H is the cross spectrum of command and signal divided by the spectrum of the command, at
- * 1, 2, ... Hz. Both are sums over seconds that overlap by half, less their means and under a Hann
- * window: the command's power in a second is the weight of the second, so noise outside the sweep
- * has no weight. Bands with less than a tenth of the strongest band's power are left out. gain is
- * |H| of the lowest band; bandwidth is the first frequency at which |H|, linear between bands, is
- * gain / sqrt 2.
+ * 1, 2, ... Hz. Both spectra are sums over seconds that overlap by half, without their means and
+ * with a Hann window. Each second is weighted by the command's power in it, so noise outside the
+ * sweep has no weight. Bands with less than a tenth of the strongest band's power are left out.
+ * gain is |H| of the lowest band; bandwidth is the first frequency at which |H|, linear between
+ * bands, is gain / sqrt 2.
  */
 enum { RESPONSE_BANDS = 100 };
 struct response {
@@ -583,7 +582,8 @@ const char *validation_verdict(const struct validation *validation);
 /* Returns the unit of the errors of a bench: "%", or the unit of the first signal. */
 const char *validation_unit(const struct validation *validation);
 
-/* Returns the error of a limited quantity in recording i, %. NAN: none, or it does not judge. */
+/* Returns the error of a limited quantity in recording i, %. NAN: the limit does not apply to this
+ * recording, or the quantity does not exist. */
 double limit_error(const struct validation *validation, const struct bench_limit *limit, size_t i);
 
 /* Returns "held", "limit missed" or "wish missed". */

@@ -110,7 +110,8 @@ static void identify_plot(struct report *report, const char *id, const struct re
     free(residual);
 }
 
-/* Formats a number by the conversion 'f' or 'g'; "-" if there is none. Less than 1e-9 is rounding. */
+/* Formats a number by the conversion 'f' or 'g'; "-" if there is none. Writes values below 1e-9,
+ * which are rounding errors, as 0. */
 static const char *number_text(double value, char conversion, char text[32])
 {
     snprintf(text, 32, conversion == 'f' ? "%.4f" : "%.4g", fabs(value) < 1e-9 ? 0.0 : value);
@@ -294,7 +295,7 @@ static void add_points(struct report *report, const struct validation *v)
     }
 }
 
-/* Adds the limits of a bench: the errors of the recordings that judge. */
+/* Adds a table of the errors of the validation recordings for each limit of a bench. */
 static void add_limits(struct report *report, const struct validation *v)
 {
     const struct bench *bench = &v->bench.bench;

@@ -68,7 +68,7 @@ const struct parameter parameters[] = {
 
 const int parameter_count = (int)ARRAY_COUNT(parameters);
 
-/* Returns the part of a name behind the name of its joint. */
+/* Returns the key in a name "JOINT.KEY" or "KEY". */
 static const char *key_of(const char *name)
 {
     const char *dot = strrchr(name, '.');
@@ -76,8 +76,8 @@ static const char *key_of(const char *name)
     return dot ? dot + 1 : name;
 }
 
-/* Returns whether a parameter belongs to the bench. Then each joint has its own value, also with a
- * shared drive. */
+/* Returns whether a parameter belongs to the bench. Then each joint has its own value, even if
+ * joints share a drive. */
 static bool is_of_bench(int index)
 {
     return parameters[index].offset >= AT(bench);

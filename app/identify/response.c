@@ -67,8 +67,9 @@ struct spectra {
     double complex cross[RESPONSE_BANDS];
 };
 
-/* Adds the spectra of the second from `begin`, less its mean and under a Hann window. Between rows
- * the command is held and the signal linear. The mean of a signal adds to the first band only. */
+/* Adds the spectra of the second from `begin`, without its mean and with a Hann window. Between
+ * rows the command is held and the signal linear. With this window the mean affects only the first
+ * band, which therefore subtracts it. */
 static void add_second(const double *time, const double *command, const double *signal,
                        double begin, size_t samples, struct spectra *spectra)
 {
@@ -167,7 +168,7 @@ void response_of(const struct bench_law *law, const struct recording *r, const d
 
 /* ---- limits ---- */
 
-/* The RMS error, and the quantities of a response by their place in it. */
+/* The RMS error (-1), and quantities of a response by their offset in struct response. */
 const struct word limit_words[] = {{"share", -1},
                                    {"t10", offsetof(struct response, t10)},
                                    {"t63", offsetof(struct response, t63)},

@@ -11,7 +11,7 @@
 /* Reserved address space for a plant, bytes per joint. */
 #define PLANT_BYTES ((size_t)1 << 22)
 
-/* The brake of a joint with a drive that is not identified, N m/rad and N m s/rad. */
+/* Brake that holds a joint whose drive is not identified, N m/rad and N m s/rad. */
 static const struct robot_passive BRAKE = {.stiffness = 1e5, .damping = 100.0};
 
 /* Duration over which the initial position of a recording is averaged, s. */
@@ -36,12 +36,12 @@ static void add_arm(double arm_kg, struct robot_inertia *inertia)
     inertia->mass = total;
 }
 
-/* Completes a trial in place: sets the pointers to its own parts, and adds the arm's mass. Puts the
- * mount of the output in place: an inertia about the joint's axis without gravity, behind the
- * spring of a load cell at the angle `start`. Like the reader of a robot file, it enables the
- * effects only if one is set, or if the output swings on the spring by more than 1 rad in a
- * substep: there the implicit integrator's torque of a drive without effects is up to four times
- * too large. Brakes hold the driven joints that are not identified. */
+/* Completes a trial in place: sets the pointers to its own parts, and adds the arm's mass. Adds the
+ * mount of the output: an inertia about the joint's axis without gravity, and the spring of a load
+ * cell at the angle `start`. As in a robot file, a drive has effects only if one is set. An output
+ * that swings on the spring by more than 1 rad in a substep also gets effects, because the implicit
+ * integrator's torque of a drive without effects would be up to four times too large. Brakes hold
+ * the driven joints that are not identified. */
 static void settle_trial(struct trial_robot *trial, double substep_s, const double *start)
 {
     static const struct robot_effects none;
@@ -119,8 +119,8 @@ static double start_position(const struct recording *r)
     return count > 0 ? sum / (double)count : 0.0;
 }
 
-/* State of a host's torque loop. torque: of the spring in the last ticks, as many as the longest
- * delay has with the shortest tick. told: the torque that the host measures. */
+/* State of a host's torque loop. torque: the spring's torque in the last ticks; TORQUES is the
+ * longest delay in the shortest ticks. told: the torque that the host measures. */
 enum { TORQUES = 10002 };
 struct torque_loop {
     double torque[TORQUES], told, correction, command, period;
@@ -136,8 +136,8 @@ struct joint_run {
     struct torque_loop loop;
     struct simulated *out;
     double guide;             /* feedback of the measured position, unit of the command per rad */
-    double lock_nm_rad;       /* stiffness of the load cell; 0 = the torque of the drive */
-    double value[2][SIGNALS]; /* before and after the tick */
+    double lock_nm_rad;       /* stiffness of the load cell; 0 = no load cell */
+    double value[2][SIGNALS]; /* at the begin and the end of the tick */
     size_t row, begun, next;  /* row of the command, of the next command, of the next time */
 };
 
@@ -167,7 +167,7 @@ static double command_time(const struct recording *r, size_t row)
     return row == 0 ? r->time[0] : r->time[row] + r->command_at * (next - r->time[row]);
 }
 
-/* Runs the loop in a row that is `age` seconds old in tick k. */
+/* Runs the torque loop once for a row. age: time from the row to tick k, s. */
 static void run_torque_loop(const struct bench_law *law, const struct recording *r, size_t row,
                             double age, double tick, size_t k, struct torque_loop *loop)
 {
@@ -228,7 +228,8 @@ static void command_joint(const struct rig *rig, const struct bench_law *law, st
     }
 }
 
-/* Interpolates the signals at the times up to the end of the tick between its two ends. */
+/* Interpolates the signals between the ends of a tick, at the times of the rows up to the tick's
+ * end. */
 static void take_rows(struct joint_run *run, double now, double tick)
 {
     const struct recording *r = run->r;
