@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * MuJoCo as a peer. The robot goes in as MuJoCo's own XML format. Contacts are on only if the robot
- * stands, constraints only if it stands or has couplings. The time of mj_forward or mj_step is
- * measured. A free joint of MuJoCo has its linear velocity in world axes and its angular velocity
- * in the body's.
+ * MuJoCo as a peer. MuJoCo loads the robot as MJCF. Contacts are on only if the robot stands.
+ * Constraints are on only if it stands or has couplings. The benchmark measures the time of
+ * mj_forward or mj_step. A free joint of MuJoCo has its linear velocity in world axes and its
+ * angular velocity in the body's.
  */
 #include "tests/bench/peers.h"
 
@@ -15,11 +15,11 @@
 
 #include <mujoco/mujoco.h>
 
-/* What is described to MuJoCo. */
+/* The description of a model for MuJoCo. */
 struct described {
     const struct robot *robot;
     const struct contact_config *contact; /* NULL = bodies alone */
-    const int *body;                      /* of the robot, by contact's */
+    const int *body;                      /* index of the robot's body, by body of contact */
     bool coupled;                         /* with the robot's couplings */
 };
 

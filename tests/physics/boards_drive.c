@@ -280,8 +280,7 @@ TEST(the_foc_current_loop_has_the_bandwidth_of_its_gain)
     stop(&bench);
 }
 
-/* The host's limit of the PWM holds for a current, too: a locked rotor takes what the voltage
- * gives. */
+/* The host's PWM limit also holds in current mode: it limits the current of a locked rotor. */
 TEST(the_icub_pwm_limit_limits_the_current_mode)
 {
     static const double shares[] = {1.0, 0.05, 0.0};
@@ -307,13 +306,13 @@ TEST(the_icub_pwm_limit_limits_the_current_mode)
     }
 }
 
-/* A locked rotor reaches 63 % with the drive's bandwidth, or with kp / L if the host wrote kp. Kp
- * is stored in mV/A. */
+/* The current of a locked rotor rises with the drive's bandwidth, or with kp / L if the host has
+ * written kp. The board stores kp in mV/A. */
 TEST(the_cia402_current_loop_has_the_bandwidth_of_the_drive_or_of_its_gain)
 {
     static const struct {
         double hz, henry;
-        int gain; /* mV/A; -1 = as delivered */
+        int gain; /* mV/A; -1 = the host writes none */
     } rows[] = {{10.0, 2e-5, -1},  {10.0, 1.2e-4, -1}, {40.0, 1e-3, -1}, {300.0, 1e-3, -1},
                 {40.0, 1e-3, 500}, {40.0, 1e-3, 0},    {1.0, 5e-5, -1}};
 

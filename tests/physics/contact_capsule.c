@@ -152,8 +152,9 @@ TEST(capsule_at_any_angle_pushes_with_k_times_the_volume_below_at_its_center)
     }
 }
 
-/* The volume of a cylinder below the plane and its moment about the middle of the axis, which is at
- * a height and leans from the vertical: summed over strips along the axis. */
+/* Computes the volume of a cylinder below the plane, and its moment about the middle of the axis,
+ * as sums over strips along the axis. height: of the middle; angle: of the axis from the
+ * vertical. */
 static void cylinder_below(double radius, double length, double angle, double height,
                            double *volume, double *moment)
 {
@@ -171,7 +172,8 @@ static void cylinder_below(double radius, double length, double angle, double he
     }
 }
 
-/* Rolling and tipping wheels, a foot on its flat end, and a long one that leans */
+/* The cases are rolling and tipping wheels, a foot on its flat end, and a long cylinder that
+ * leans. */
 TEST(cylinder_at_any_angle_pushes_with_k_times_the_volume_below_at_its_center)
 {
     static const double size[][2] = {{0.08, 0.03}, {0.05, 0.4}};
@@ -214,7 +216,8 @@ TEST(cylinder_at_any_angle_pushes_with_k_times_the_volume_below_at_its_center)
     }
 }
 
-/* A disc that spins on its end: the mean lever of an even pressure is two thirds of the radius */
+/* A disc spins on its end. Under even pressure the mean lever of friction is two thirds of the
+ * radius. */
 TEST(friction_brakes_a_cylinder_that_spins_on_its_end)
 {
     const struct contact_material rough = {1e6, 1e-2, 0, 0.5, 0.5, 0, 0};

@@ -262,7 +262,7 @@ static double spheres_force(double radius, double d)
     return stiffness * 2 * fixture_pi * radius * radius * sum * 2 / n;
 }
 
-/* An engine with two balls of this mesh, whose centers are `apart` m from one another. */
+/* Makes an engine with two balls of this mesh. Their centers are `apart` m from each other. */
 static struct contact_world *two_balls(struct scene *scene, const struct mesh *ball, double apart,
                                        struct body_motion motion[2])
 {

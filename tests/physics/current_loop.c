@@ -136,8 +136,8 @@ TEST(a_law_starts_at_the_present_current_without_earlier_commands)
     arena_fini(&p.arena);
 }
 
-/* Gains and limits change with the command that they belong to, also within a substep: a locked
- * rotor at 1 rad under 2 A, then under a stiffness that asks for 5 A, then under a limit of 3 A. */
+/* Gains and limits change together with their command, also within a substep. A locked rotor at 1
+ * rad gets a command of 2 A, then a stiffness that asks for 5 A, then a limit of 3 A. */
 TEST(gains_and_limits_change_with_their_command_after_any_delay)
 {
     static const struct {
@@ -187,7 +187,7 @@ TEST(gains_and_limits_change_with_their_command_after_any_delay)
     }
 }
 
-/* rk4 is not stable at these bandwidths: it takes the largest at which it is. */
+/* rk4 is unstable at these bandwidths, so it uses the largest bandwidth at which it is stable. */
 TEST(rk4_settles_at_any_bandwidth)
 {
     static const double hz[] = {1000.0, 2e4, 1e6};

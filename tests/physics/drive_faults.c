@@ -29,7 +29,7 @@ static void run(struct plant_rig *rig, int milliseconds)
     assert_ok(plant_sample(rig->plant));
 }
 
-/* A rig whose hip has its bridge on, at this voltage. */
+/* Starts a rig with the hip's bridge on at this voltage. Returns the hip's command. */
 static struct motor_command *start(struct plant_rig *rig, enum plant_integrator integrator,
                                    double voltage_v)
 {
@@ -44,8 +44,8 @@ static struct motor_command *start(struct plant_rig *rig, enum plant_integrator 
     return motor;
 }
 
-/* First order for the implicit integrator, which is what it promises. With h R/L = 0.2 a step of
- * rk4 errs by 0.2^5/120 of what the winding's current has still to go. */
+/* The implicit integrator is of first order here. With h R/L = 0.2 a step of rk4 errs by 0.2^5/120
+ * of what the winding's current has still to go. */
 static double tolerance(enum plant_integrator integrator, double loose)
 {
     return integrator == PLANT_IMPLICIT ? loose : integrator == PLANT_RK4 ? 1e-4 : 1e-6;

@@ -272,7 +272,7 @@ TEST(coman_lies_at_rest_for_a_minute)
 
     rig_scene_init(&scene, &coman);
     run_fall(&scene, &from_low, 0, (uint64_t)seed);
-    /* The residual of the contact solver is rounding alone: it may not grow */
+    /* The residual of the contact solver consists of rounding errors and must not grow */
     for (int ms = 0; ms < 60000; ms++) {
         enum error_code code = plant_step(scene.plant, scene.steps);
 

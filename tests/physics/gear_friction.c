@@ -41,7 +41,7 @@ static void bench_begin(struct bench *b, struct robot_sea sea, struct robot_effe
     assert_ok(plant_reset(b->plant, NULL, NULL, (const double[1]){0.0}));
 }
 
-/* A bench whose link is held and whose gear has friction F with a presliding stiffness, without
+/* Begins a bench with a held link. Its gear has friction F with a presliding stiffness, and no
  * other losses. */
 static void bench_begin_gripping(struct bench *b, struct robot_sea sea, double F, double stiffness,
                                  enum plant_integrator integrator, int64_t substep_ns)
@@ -215,10 +215,10 @@ TEST(presliding_friction_follows_its_closed_forms)
 }
 
 /* A rotor without a spring behind friction F with a presliding stiffness. A torque below F bends
- * the contacts by torque / stiffness, where the rotor rests; one above F slides the rotor as under
- * Coulomb friction; a moving rotor stops as under Coulomb friction and does not turn back further
- * than the contacts bend. Soft contacts still swing at the end, so the rest is checked for those
- * that turn by half a rad or more in a substep. */
+ * the contacts by torque / stiffness, and the rotor rests there. A torque above F slides the rotor
+ * as under Coulomb friction. A moving rotor stops as under Coulomb friction, and turns back by at
+ * most the bending of the contacts. Soft contacts still swing at the end. So the test checks the
+ * rest only for contacts whose swing turns by half a rad or more in a substep. */
 TEST(presliding_friction_holds_slides_and_brakes_at_any_stiffness)
 {
     static const double stiffness[] = {150.0, 1e3, 1e5, 1e7};
@@ -300,7 +300,7 @@ TEST(integrators_agree_on_a_swinging_link)
 /* A rotor at a constant voltage U turns where U = R' I + s Kw w and s Kt I = (Dm + iron I^2) w,
  * with R' = R + skin sqrt(w) and s = 1/sqrt(1 + (I/I_s)^2). The supply gives U I and the standby
  * power, and all of it becomes heat. A load that turns the motor back overcomes the same drag. The
- * implicit integrator takes any drag and any resistance. */
+ * implicit integrator is stable with any drag and any resistance. */
 TEST(saturated_motor_turns_and_heats_by_its_closed_form)
 {
     static const struct {

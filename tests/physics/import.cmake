@@ -8,11 +8,11 @@ if(MUJOCO_LIBRARY AND MUJOCO_INCLUDE)
     target_include_directories(test_import_mujoco SYSTEM PRIVATE ${MUJOCO_INCLUDE})
 endif()
 
-# Wheeled robots drive
+# Drives imported robots on wheels
 hil_test(wheels SOURCES physics/wheels.c LIBS import sim PkgConfig::LIBXML2 TIMEOUT 120
          LABELS physics)
 
-# The importer beside MuJoCo 3 of npm, with files that a generator writes
+# Compares the importer with MuJoCo 3 of npm on generated files
 if(NOT HIL_SANITIZE)
     add_executable(test_import_dump physics/import_dump.c)
     target_link_libraries(test_import_dump PRIVATE import PkgConfig::LIBXML2)

@@ -153,8 +153,8 @@ TEST(braking_lifts_the_bus_by_its_energy)
     assert_true(found.most > 58.0);
 }
 
-/* The source fails while a jammed motor takes power: the bus goes down to its least voltage, at
- * which the missing power counts as the source's. */
+/* The source fails while a jammed motor takes power. The bus falls to its least voltage. There the
+ * missing power counts as power of the source. */
 TEST(a_bus_without_source_stays_at_its_least_voltage)
 {
     static const enum plant_integrator integrators[] = {PLANT_IMPLICIT, PLANT_RK4, PLANT_DOPRI5};

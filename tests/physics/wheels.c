@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Wheeled robots that import makes of a URDF drive by the task follow: the way, the yaw and the
- * arc against those of wheels that roll without slip.
+ * Imports robots on wheels from URDF and drives them by the task follow. Compares their distance,
+ * yaw and arc with those of wheels that roll without slip.
  */
 #include "app/import/import.h"
 #include "base/array.h"
@@ -37,7 +37,7 @@ enum { DRIVE_S = 4, TICKS = 6400 };
 #define CHASSIS                                                                                    \
     BASE("0 0 0.02", INERTIAL("6", "0.06", "0.07", "0.1"),                                         \
          "<collision><geometry><box size='0.2 0.2 0.05'/></geometry></collision>")
-/* A castor ahead and one behind, without friction of their own to bear sideways */
+/* One castor ahead and one behind, with little friction, so that they slide sideways */
 #define CASTORS                                                                                    \
     "<link name='c'><collision><origin xyz='0.12 0 -0.05'/><geometry><sphere radius='0.03'/>"      \
     "</geometry></collision><collision><origin xyz='-0.12 0 -0.05'/><geometry>"                    \
@@ -62,14 +62,14 @@ enum { DRIVE_S = 4, TICKS = 6400 };
 
 struct ride {
     const char *name, *text;
-    double radius, track;    /* m; the track is the way between the wheels */
+    double radius, track;    /* m; the track is the distance between the wheels */
     double left, right;      /* angles of the joints at the end, rad */
     double right_sign;       /* of the joint's axis */
     double way_off, yaw_off; /* allowed errors as shares of way and yaw; yaw_off 0: any yaw */
     double ripple_m;         /* allowed, of the height of the axle while it drives */
 };
 
-/* A ride as it goes: where the base is, the way that it went, and its heading. */
+/* State of a ride: place of the base, driven distance, heading. */
 struct watch {
     struct simulator *simulator;
     bool begun;
@@ -109,7 +109,7 @@ static const char *write_text(const char *name, const char *text)
     return path[next];
 }
 
-/* A wheel about y of 24 sides, as an OBJ file with a hub at either side. */
+/* Writes an OBJ file of a wheel about y with 24 sides and a hub on either side. */
 static void write_wheel(void)
 {
     enum { SIDES = 24 };
@@ -194,7 +194,7 @@ static void ride(const struct ride *r)
     simulator_run(w.simulator);
     task_runner_read(simulator_task_runner(w.simulator), &status);
 
-    /* Closed form of wheels that roll; the joints count from the base, which may have pitched */
+    /* Closed form for rolling wheels. Joint angles are relative to the base, so its pitch counts */
     const double way = r->radius * ((r->left + r->right) / 2 + w.pitch);
     const double yaw = r->radius * (r->right - r->left) / r->track;
     const double chord = yaw != 0 ? way * sin(yaw / 2) / (yaw / 2) : way;

@@ -35,7 +35,7 @@ BENCH = {"robot": {"fixed_base": True}, "scene": {"engine": "none"}, "initial": 
 JOINTS = ["LElbj", "RElbj"]
 WARNINGS = "-std=c11 -Wall -Wextra -Wpedantic -Werror"
 ROS2 = SOURCE / "examples" / "ros2_control"
-# of the package hardware_interface (ros2_stand_in.hpp)
+# version of the package hardware_interface by ROS 2 release (ros2_stand_in.hpp)
 ROS2_VERSIONS = {"Humble": "254", "Jazzy": "446", "Kilted": "516", "Lyrical": "608"}
 
 

@@ -22,7 +22,7 @@ constexpr double kPeriodS = 0.004, kAmplitudeRad = 0.2, kFrequencyHz = 1.0;
 
 #if STAND_IN_VERSION < 400
 
-// Humble: the component's own interfaces
+// Humble: the component makes the interfaces
 struct Interfaces {
     std::vector<hardware_interface::StateInterface> states;
     std::vector<hardware_interface::CommandInterface> commands;
@@ -53,7 +53,7 @@ CallbackReturn init(hardware_interface::SystemInterface &hardware,
 
 #else
 
-// From Jazzy on: the framework's
+// From Jazzy on: the framework makes the interfaces
 struct Interfaces {
     std::vector<hardware_interface::StateInterface::ConstSharedPtr> states;
     std::vector<hardware_interface::CommandInterface::SharedPtr> commands;

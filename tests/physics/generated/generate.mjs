@@ -524,7 +524,7 @@ class Mjcf {
     }
     const first = () => {
       this.body(0, true)
-      // Something that turns and weighs, whatever the dice say
+      // Every file has at least this joint and mass
       this.w.open('body', { name: 'end', pos: [0.1, 0.2, 0.3] })
       this.w.leaf('joint', { name: 'last', axis: [0, 1, 0], range: this.degrees ? [-60, 60] : [-1, 1], limited: 'true' })
       this.joints.push({ name: 'last', type: 'hinge' })

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Files that a test makes of a text. */
+/* Files that tests write. */
 #ifndef TESTS_UNIT_APP_PUT_FILE_H
 #define TESTS_UNIT_APP_PUT_FILE_H
 
 #include "tests/test.h"
 
-/* Makes a file of a text. */
+/* Writes a text into a file. */
 static inline void put_file(const char *path, const char *text)
 {
     FILE *file = fopen(path, "w");

@@ -98,7 +98,7 @@ TEST(half_spaces_that_move_are_found_too)
 
 CLOSED_BENCH(arena, struct arena, arena_fini)
 
-/* Two long capsules side by side, this far apart. */
+/* Makes two long capsules side by side, `apart` m from each other. */
 static void two_capsules(struct arena *arena, double apart, struct broad_capsule capsule,
                          struct broad_phase *broad)
 {

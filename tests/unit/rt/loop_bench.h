@@ -210,8 +210,8 @@ static inline void bench_buses(struct bench *bench, size_t inbox)
     }
 }
 
-/* The one bench of the program: with 10 % of work in each tick, all in the plant. Closes the bench
- * of the test before. Change what the test is about, then call bench_run. */
+/* Returns the only bench of the program. Its plant works for 10 % of each tick. Closes the bench of
+ * the previous test. Change the values that the test needs, then call bench_run. */
 static inline struct bench *bench_create(enum loop_clock clock, uint64_t ticks)
 {
     static const struct clock_ops ops = {bench_now, bench_sleep_until, bench_wait_readable};

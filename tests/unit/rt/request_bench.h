@@ -136,7 +136,7 @@ static inline struct bench *requested_create(enum loop_clock clock, uint64_t tic
     struct bench *bench;
     struct error error;
 
-    requests_destroy(sb.requests); /* of the test before */
+    requests_destroy(sb.requests); /* of the previous test */
     memset(&sb, 0, sizeof sb);
     bench = bench_create(clock, ticks);
     sb.bench = bench;

@@ -89,8 +89,8 @@ static double say_number(const struct fit_result *result, const char *name, size
     return off;
 }
 
-/* Fits numbers of a drive to a recording of it with 1 % noise. Volts and angles tell NKt/R alone,
- * so neither number may be called known. With the current both are within 2 %. */
+/* Fits numbers of a drive to a recording of it with 1 % noise. Voltages and angles determine only
+ * NKt/R, so neither number may be called known. With the current both are within 2 %. */
 TEST(known_numbers_come_back)
 {
     int parameter[FREE];
@@ -243,7 +243,7 @@ TEST(the_torque_on_a_light_output_is_resolved)
     }
 }
 
-/* A fit may add a number for each of its free ones to as many numbers of groups as a file has. */
+/* A trial has room for all group numbers of a file, and for one more per free number of a fit. */
 TEST(numbers_of_groups_all_count)
 {
     enum { ALL = GROUP_NUMBERS_MAX + IDENTIFY_FREE_MAX };
@@ -317,7 +317,7 @@ TEST(an_elastic_drive_comes_back_from_its_lock)
 /* An arm of three joints under gravity, in their servos' position loops: yaw and pitch share a
  * drive, the elbow has its own. Positions and currents have 1 % noise. Each number comes back
  * within 2 %, and each drive gets its file. */
-TEST(drives_of_an_arm_come_back_mounted)
+TEST(a_fit_recovers_the_drives_of_an_arm)
 {
     static const char bench_text[] =
         "{name: arm, source: made, license: own, rig: config/rigs/arm-damiao.yaml,\n"
@@ -416,8 +416,8 @@ TEST(drives_of_an_arm_come_back_mounted)
     assert_int_not_equal(access(HIL_BINARY_DIR "/arm-found-pitch.yaml", F_OK), 0);
 }
 
-/* A drive at a lock, whose output is the command: the torques at which loops about the spring come
- * to rest. A command that comes into force in the middle of its row equals a delayed command. */
+/* A locked drive under a torque loop about its spring settles at these torques. A command that
+ * starts in the middle of its row equals a delayed command. */
 TEST(a_host_closes_its_loop_about_the_spring)
 {
     static const struct {
@@ -508,9 +508,9 @@ TEST(responses_are_of_closed_form)
     }
 }
 
-/* Limits of the step of a lag, whose simulation has 1.1 times its time constant and 1.05 times its
- * gain. A recording of another group, or without the quantity, has no error. */
-TEST(limits_are_judged_apart)
+/* Limits for the step response of a lag. The simulation has 1.1 times its time constant and 1.05
+ * times its gain. A recording of another group, or without the quantity, has no error. */
+TEST(each_limit_has_its_own_verdict)
 {
     enum { COUNT = 4000 };
     static double time[COUNT], command[COUNT], measured[COUNT], simulated[COUNT];
@@ -562,7 +562,7 @@ TEST(limits_are_judged_apart)
     }
 }
 
-/* A number that the recording does not depend on is said not to be told. */
+/* A number on which the recording does not depend must not be called known. */
 TEST(what_the_recording_does_not_tell_is_said)
 {
     static const char *const free[] = {"R_ohm", "L_h"}, *const swapped[] = {"R_omh"};
@@ -584,7 +584,7 @@ static void assert_error_has(const char *expected)
     }
 }
 
-/* Reads a bench from text, which must be refused with that. */
+/* Checks that a bench with this text is refused with the expected error. */
 static void refuses(const char *text, const char *expected)
 {
     struct bench made;

@@ -589,7 +589,8 @@ TEST_WITH(hull_of_points_in_a_cube_is_the_cube, open_arena, close_arena)
     assert_non_null(strstr(error.text, "flat"));
 }
 
-/* A hull with as many corners as the mesh, on a sphere: close for few, refused for too many */
+/* All vertices are on a sphere, so all are corners of the hull. It is close for 4,000 vertices and
+ * refused for 40,000 */
 TEST_WITH(hull_of_a_sphere_encloses_it_or_is_refused, open_arena, close_arena)
 {
     static const size_t count[] = {4000, 40000};

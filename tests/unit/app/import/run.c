@@ -464,8 +464,8 @@ TEST_WITH(limits_of_boards_lie_outside_the_stops, open_folder, remove_folder)
     assert_true(rig->axis[0].lower_rad == 0.0 && rig->axis[0].upper_rad == 2.0);
 }
 
-/* The loop of a short finger is 20 times as stiff as its load; the clamp's release moves it by 50
- * mrad at most */
+/* The loop of a short finger is 20 times as stiff as its gravity load. When the clamp opens, the
+ * finger moves by at most 50 mrad */
 TEST_WITH(light_links_are_held_as_stiffly_as_gravity_asks, open_folder, remove_folder)
 {
     struct import_result result;
@@ -479,7 +479,8 @@ TEST_WITH(light_links_are_held_as_stiffly_as_gravity_asks, open_folder, remove_f
                 0.05);
 }
 
-/* Dry friction of the file leaves 5 mrad, unless the inertia limits the loop to 60 rad/s */
+/* The file's dry friction deflects the loop by 5 mrad, unless the inertia limits the loop to 60
+ * rad/s */
 TEST_WITH(dry_friction_stiffens_the_loop, open_folder, remove_folder)
 {
     static const struct {
@@ -501,7 +502,7 @@ TEST_WITH(dry_friction_stiffens_the_loop, open_folder, remove_folder)
     }
 }
 
-/* The loop is as stiff as the inertia asks, 30 rad/s, whatever the rotor's inertia */
+/* The inertia sets the stiffness of the loop (30 rad/s), for any inertia of the rotor */
 TEST_WITH(light_rotor_does_not_soften_the_loop, open_folder, remove_folder)
 {
     static const char *const armature[] = {"range='-2 2' armature='0.02'",

@@ -218,7 +218,7 @@ TEST_WITH(limits_that_exclude_zero_move_the_rest, open_default, close_arena)
     assert_true(noted(IMPORT_CHANGED, 4, "exclude 0"));
 }
 
-/* Files without limits, and with what some tools write for none */
+/* Files without limits, and files with values that some tools write for no limit */
 TEST_WITH(joints_without_limits_turn_for_ever, open_default, close_arena)
 {
     static const struct {
@@ -745,7 +745,7 @@ TEST_WITH(blocks_are_placed_by_their_ends, open_default, close_arena)
                "x.urdf:4: ", "found an orientation of <geom>");
 }
 
-/* A fixed tendon of half the joint's way, whose actuator the joint feels at half its force */
+/* A fixed tendon with the coefficient -0.5: the joint gets half of the actuator's force */
 #define TENDON                                                                                     \
     "</actuator><tendon><fixed name='t'><joint joint='j' coef='-0.5'/></fixed></tendon><actuator>"
 
@@ -794,13 +794,13 @@ TEST_WITH(joints_without_an_actuator_turn_freely, open_default, close_arena)
     assert_true(made.robot->joint[1].sea.present);
     assert_true(noted(IMPORT_CHANGED, 4, "joint \"j\" has no actuator"));
 
-    /* Without actuators, or with those of tendons, nobody knows: all are driven */
+    /* Without actuators, or with an actuator of an unknown tendon, all joints are driven */
     import_good(MJCF("", TWO_LINKS, ""));
     assert_true(made.robot->joint[0].sea.present && made.robot->joint[1].sea.present);
     import_good(MJCF("", TWO_LINKS, "<actuator><motor joint='k'/><motor tendon='t'/></actuator>"));
     assert_true(made.robot->joint[0].sea.present && made.robot->joint[1].sea.present);
 
-    /* A fixed tendon drives its joints alone */
+    /* An actuator of a fixed tendon drives only the joints of this tendon */
     import_good(MJCF("", TWO_LINKS,
                      "<tendon><fixed name='t'><joint joint='k' coef='1'/></fixed></tendon>"
                      "<actuator><motor tendon='t'/></actuator>"));
@@ -818,8 +818,8 @@ TEST_WITH(total_mass_scales_all_bodies, open_default, close_arena)
     assert_near(made.robot->body[2].inertia.com[0], 0.3, 1e-15);
 }
 
-/* MuJoCo subtracts refpos from the vertices, turns them back by refquat (here a right angle about
- * z), and scales them; a shape that it fits to a mesh is taken as the mesh */
+/* MuJoCo subtracts refpos from the vertices, rotates them by the inverse of refquat (here a right
+ * angle about z), and scales them. Import uses the mesh for a shape that MuJoCo fits to the mesh */
 TEST_WITH(meshes_are_moved_by_their_reference, open_default, close_arena)
 {
     import_good(MJCF("<asset><mesh name='m' file='m.obj' refpos='1 2 3' refquat='1 0 0 1' "

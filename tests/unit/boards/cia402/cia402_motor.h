@@ -64,7 +64,7 @@ static inline void control(struct motor *motor, unsigned word, int ticks)
     turn(motor, ticks);
 }
 
-/* Writes a target position first. */
+/* Writes a target position, then the controlword, and runs this number of ticks. */
 static inline void go(struct motor *motor, int64_t target, unsigned word, int ticks)
 {
     put(motor, 0x607a, 0, 4, target);

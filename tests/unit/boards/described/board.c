@@ -91,7 +91,7 @@ static void read_protocol(const char *file)
 /* Bus 0 with two drives of one axis, addresses 1 and 2, joints 0 and 2. */
 static void open_bench(const char *file, int64_t timeout_ns)
 {
-    bench_stop(base); /* of the test before */
+    bench_stop(base); /* of the previous test */
     arena_fini(&bench.protocols);
     memset(&bench, 0, sizeof bench);
     bench_configure(base);
@@ -117,7 +117,8 @@ static void open_bench(const char *file, int64_t timeout_ns)
     bench_tick(base);
 }
 
-/* A frame arrives, and the next tick sends one frame with this identifier, which reads so. */
+/* Sends a frame to the boards. Checks that the next tick sends one frame with this identifier and
+ * these bytes. */
 static void answers(uint32_t id, const char *bytes, uint32_t answer, const char *told)
 {
     bench_say(base, 0, id, bytes);
@@ -162,7 +163,7 @@ TEST(a_cheetah_drive_answers_the_frames_that_switch_it)
     assert_false(base->motor[0].bridge_on);
 }
 
-/* The law wants no other current just where the current makes its torque. */
+/* The law lacks no current if the present current produces the torque of the command. */
 TEST(a_cheetah_drive_has_the_impedance_of_its_command)
 {
     /* 0.7 rad, 0 rad/s, 100 Nm/rad, 0 Nm s/rad, 5 Nm in counts 34602, 2048, 819, 0, 2116 */
@@ -269,7 +270,7 @@ TEST(an_odrive_tells_its_state_when_it_changes)
     assert_int_equal(bench_sent(base, 0, 0x041), 0);
     assert_true(base->motor[0].bridge_on);
 
-    /* A state that it does not have leaves it alone */
+    /* A request for an unknown state changes nothing */
     answers(0x027, "0b 00 00 00", 0x021, "00 00 00 00 08 0c 00 00");
     assert_true(base->motor[0].bridge_on);
 
@@ -414,7 +415,7 @@ TEST(an_odrive_answers_requests_for_any_state_with_a_result)
     }
 }
 
-/* An ODrive without limit tells infinity, a drive without thermal model 25 degree C. */
+/* An ODrive without limit reports infinity, a drive without thermal model 25 degrees C. */
 TEST(defaults_in_replies_are_those_of_a_drive)
 {
     open_bench(odrive, 0);
@@ -443,13 +444,13 @@ TEST(an_odrive_has_endpoints)
     bench_send(base, 0, 0x03a, "00 00 a0 40 00 00 00 00"); /* Set_Pos_Gain 5, of eight bytes */
     answers(0x024, "00 80 01 00", 0x025, "00 80 01 00 00 00 a0 40");
 
-    /* none such, and one that is only read */
+    /* An unknown endpoint, and a read-only endpoint */
     bench_send(base, 0, 0x024, "00 ff ff 00");
     bench_say(base, 0, 0x024, "01 01 00 00 00 00 00 00");
     assert_int_equal(bench_sent(base, 0, 0x025), 0);
     assert_int_equal(bench_counters(base).malformed, 2);
 
-    /* REBOOT forgets it */
+    /* REBOOT restores the value */
     bench_send(base, 0, 0x036, "00");
     bench_ticks(base, 3);
     answers(0x024, "00 80 01 00", 0x025, "00 80 01 00 00 00 a0 41");
@@ -959,7 +960,8 @@ TEST(the_integral_of_a_velocity_loop_reaches_the_current_limit)
         base->board[0].axis[0].torque_gain = gains[i];
         bench_start(base);
         bench_tick(base);
-        bench_send(base, 0, 0x2b, "02 00 00 00 01 00 00 00"); /* velocity, as it comes */
+        bench_send(base, 0, 0x2b, "02 00 00 00 01 00 00 00"); /* velocity control, without an input
+                                                               * filter */
         bench_send(base, 0, 0x3b, "00 00 00 00 00 00 00 3f"); /* an integral gain alone */
         bench_send(base, 0, 0x27, "08 00 00 00");
         bench_tick(base);

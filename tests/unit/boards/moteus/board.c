@@ -340,7 +340,7 @@ TEST_ON(a_command_is_valid_until_the_watchdog, set_up, bench)
 
 TEST_ON(between_its_bounds_only_the_feedforward_acts, set_up, bench)
 {
-    /* Bounds in turns at a motor at 0.05 turn: inside, below, above */
+    /* Bounds, turns. The motor at 0.05 turn is between, below and above them */
     static const struct {
         float lower, upper;
         double position; /* of the spring, rad; NAN = none */

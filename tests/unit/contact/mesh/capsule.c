@@ -28,7 +28,7 @@ TEST(encloses_what_the_capsule_does)
     }
 }
 
-TEST(cylinder_has_the_volume_of_the_round_one)
+TEST(cylinder_mesh_has_the_volume_of_a_round_cylinder)
 {
     const double length[] = {0.01, 0.3}, R = 0.06, pi = 3.14159265358979323846;
 
