@@ -6,7 +6,7 @@
 
 rig.yaml beside this file is the measured actuator of config/validation/sea-rmd-x8.yaml.
 The controller is that of the recordings: it commands the reference plus the error of the spring's
-torque. It updates the error every 15.625 ms, from a smoothed torque that is a period old. The
+torque. It updates the error every 15.625 ms, from a filtered torque that is one row old. The
 reference is a sweep to 40 Hz in 40 s. The program prints gains by the cross spectrum in bands of
 1 Hz.
 FILE has the columns of the recordings, for `coman-hil identify`.
@@ -20,7 +20,7 @@ import coman_hil
 
 RIG = pathlib.Path(__file__).with_name("rig.yaml")
 RATE_HZ, ERROR_PERIOD_S, LATE = 600.0, 1.0 / 64.0, 1
-SHARE, SPRING_GAIN = 0.22, 1.12    # of a new torque per row; measured by true torque
+SHARE, SPRING_GAIN = 0.22, 1.12    # weight of a new torque per row; measured torque by true torque
 SWEEP_S, SWEEP_HZ = 40.0, 40.0
 TORQUE_CONSTANT_NM_A = 1.393    # of the recordings' author, at the output of the gear
 COMMAND_GAIN = 1.112            # fitted to a closed sweep of 1 N m

@@ -218,7 +218,7 @@ CallbackReturn System::on_configure(const rclcpp_lifecycle::State &)
         }
     }
     find_interfaces();
-    // velocities need two positions: none is known before the boards report
+    // A velocity needs two positions, so no velocity is known before the boards report
     return succeeded(hil_client_listen(&client_)) ? CallbackReturn::SUCCESS
                                                   : CallbackReturn::FAILURE;
 }
@@ -248,7 +248,7 @@ CallbackReturn System::on_activate(const rclcpp_lifecycle::State &)
     if (!read_joints(0.0)) {
         return CallbackReturn::FAILURE;
     }
-    for (auto &joint : joints_) { // stay where they are until a controller commands
+    for (auto &joint : joints_) { // hold the present positions until a controller commands
         joint.set_point = joint.quantity == HIL_CLIENT_POSITION ? joint.position : 0.0;
         joint.command = joint.set_point;
     }
@@ -270,7 +270,7 @@ CallbackReturn System::on_error(const rclcpp_lifecycle::State &)
     return CallbackReturn::SUCCESS;
 }
 
-// What a protocol does not report is made of what it reports, or stays 0.
+// A value that the protocol does not report is computed from other values, or stays 0.
 bool System::read_joints(double period_s)
 {
     for (auto &joint : joints_) {

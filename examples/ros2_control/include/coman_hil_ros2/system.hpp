@@ -11,8 +11,8 @@
 // Command interfaces of a joint: "voltage" (V), "current" (A) or "position" (rad), at most one for
 // each joint. State interfaces: "position" (rad), "velocity" (rad/s), "effort" (N m).
 //
-// From version 4.40 of ros2_control (ROS 2 Jazzy) the framework makes the interfaces of the tag. In
-// older versions, those of ROS 2 Humble, this component makes them.
+// From version 4.40 of ros2_control (ROS 2 Jazzy) on, the framework makes the interfaces of the tag.
+// In older versions (ROS 2 Humble), this component makes the interfaces.
 #pragma once
 
 #include <coman_hil_client.h>
@@ -65,7 +65,7 @@ class System : public hardware_interface::SystemInterface
     on_deactivate(const rclcpp_lifecycle::State &previous) override;
     hardware_interface::CallbackReturn on_error(const rclcpp_lifecycle::State &previous) override;
 
-    // The last telemetry. ERROR when a board has tripped or the run is over.
+    // Reads the last telemetry. Returns ERROR when a board has tripped or the run is over.
     hardware_interface::return_type read(const rclcpp::Time &time,
                                          const rclcpp::Duration &period) override;
     // Sends the commands; in lockstep it also lets period_ticks pass.
@@ -79,10 +79,10 @@ class System : public hardware_interface::SystemInterface
         hil_client_quantity quantity = HIL_CLIENT_OFF;
         int number = -1; // the client's
         double position = 0.0, velocity = 0.0, effort = 0.0;
-        double command = 0.0;   // of the controller
+        double command = 0.0;   // written by the controller
         double set_point = 0.0; // sent to the board
 #if COMAN_HIL_ROS2_FRAMEWORK_INTERFACES
-        // the framework's interfaces of the joint; null: the tag does not have it
+        // the framework's interfaces of the joint; null if the tag lacks the interface
         hardware_interface::StateInterface::SharedPtr position_state, velocity_state, effort_state;
         hardware_interface::CommandInterface::SharedPtr command_interface;
 #endif
