@@ -56,8 +56,8 @@ static enum error_code set_numbers(struct identify_bench *bench, struct error *e
 }
 
 /* Returns the first joint with the drive of joint k of the bench. Two joints share a drive if the
- * bench names the same drive for both. If it names no drive for both, they share a drive if the
- * robot file gives both the same parameters. */
+ * bench names the same drive for both. If the bench names a drive for neither, they share a drive
+ * if the robot file gives both the same parameters. */
 static int find_drive(const struct identify_bench *bench, size_t k)
 {
     const struct trial_robot *trial = &bench->trial;
@@ -419,7 +419,7 @@ static enum error_code judge_all(const struct identify_bench *bench,
     return code;
 }
 
-/* Returns the mean error of the recordings that judge, or of those that a fit uses. */
+/* Returns the mean error of the validation recordings (judge), or of the fitted recordings. */
 static double mean_where(const struct identify_bench *bench, const double *error, bool judge)
 {
     double some[IDENTIFY_RECORDINGS_MAX];

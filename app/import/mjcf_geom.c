@@ -196,7 +196,8 @@ static void geom_move_mesh(const struct import_reader *r, const xmlNode *mesh,
     import_place_compose(&own, &moved, &g->place);
 }
 
-/* Finds the mesh of a geom: its file, below meshdir unless the path is absolute, and its scale. */
+/* Finds the mesh of a geom: its file, below meshdir unless the path is absolute, its scale, its
+ * reference pose, and the method for its inertia. */
 static void geom_read_mesh(const struct import_reader *r, const xmlNode *node,
                            struct import_geometry *g)
 {

@@ -140,7 +140,7 @@ void mjcf_some_reals(const struct import_reader *r, const xmlNode *node, const c
 void mjcf_read_place(const struct import_reader *r, const xmlNode *node,
                      struct import_place *place);
 
-/* Adds a geom to a link, and its mass to a body without its own inertia. NULL = add no mass. */
+/* Adds a geom to a link, and its mass to `inertia` (NULL: adds no mass). */
 void mjcf_read_geom(const struct import_reader *r, const xmlNode *node, int link,
                     struct robot_inertia *inertia);
 

@@ -196,8 +196,8 @@ static const char *mesh_judge(const struct import_mesh *mesh)
     return finding.fault == MESH_SOUND ? "a sound surface" : mesh_fault_text(finding.fault);
 }
 
-/* Reads a mesh, fits a capsule, and writes the OBJ file. Returns false, with a note, if one of
- * these fails. */
+/* Reads a mesh, fits a capsule, box or cylinder, and writes the OBJ file. Returns false, with a
+ * note, if one of these fails. */
 static bool shape_fit_mesh(const struct import_builder *b, const struct import_geometry *shape,
                            struct robot_capsule *capsule)
 {

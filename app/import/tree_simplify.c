@@ -333,7 +333,7 @@ static size_t robot_count_limbs(const struct import_robot *out, bool wheels)
 }
 
 /* Decides whether the base floats, in this order: the option, a floating joint, the SRDF, the
- * root's name or missing mass, the number of limbs. */
+ * root's name or missing mass, the numbers of limbs and wheels. */
 static void simplify_choose_base(struct simplifier *r)
 {
     const struct import_model *model = r->model;

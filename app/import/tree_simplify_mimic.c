@@ -27,8 +27,8 @@
 /* Mass, kg, and inertia, kg m2, of a pinion: almost none. The drive has the rotor's. */
 #define PINION_MASS 1e-9
 
-/* Adds the pinion of one joint at the end of the lists, which have room. Efforts, velocities and
- * what resists motion become those about its axis. */
+/* Adds the pinion of one joint at the end of the lists, which have room. Converts effort, velocity
+ * and resistance to motion to the pinion's axis. */
 static void pinion_add(struct import_model *model, struct import_joint *rack, struct arena *arena,
                        struct import_notes *notes)
 {
