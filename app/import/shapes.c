@@ -11,8 +11,8 @@
 #include <string.h>
 
 enum {
-    SIZE_DOUBT = 20, /* larger shapes, in joint distances, may be a mistake */
-    SECTORS = 12,    /* sectors about a wheel's axis, each of which must have rim */
+    SIZE_DOUBT = 20, /* a shape larger than this many joint distances may be a mistake */
+    SECTORS = 12,    /* sectors about a wheel's axis; each must have points of the rim */
 };
 
 /* Smallest distances of points of the rim and of the tread from the axis, as shares of the largest

@@ -623,7 +623,7 @@ enum cia402_abort cia402_nmt_write_consumer(struct cia402_node *node,
     return CIA402_DONE;
 }
 
-/* Reacts to a lost heartbeat or lost guarding: sends an emergency, tells the axes, changes the
+/* Reacts to a lost heartbeat or lost guarding: sends an emergency, informs the axes, changes the
  * state. */
 static void cia402_nmt_lose(struct cia402_node *node)
 {

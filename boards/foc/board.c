@@ -378,7 +378,7 @@ static bool foc_board_answer(struct board *board, unsigned code, const int64_t *
         reply[0] = request[0];
         reply[1] = bits;
         return true;
-    case FOC_GET_PID: /* the firmware tells the gains only */
+    case FOC_GET_PID: /* the firmware reports only the gains */
         reply[0] = reply[1] = FOC_PID_NONE;
         if (request[0] < FOC_LOOPS && request[1] >= FOC_PID_KP && request[1] <= FOC_PID_KD) {
             gain = (float)foc->gain[request[0]][request[1]];
