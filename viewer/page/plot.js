@@ -37,7 +37,7 @@ function rangeOf(columns) {
     }
   }
   if (low > high) return null;
-  const flat = low === high ? 0.1 * Math.abs(high) || 1 : 0; // a constant stands in the middle of a plain axis
+  const flat = low === high ? 0.1 * Math.abs(high) || 1 : 0; // puts a constant in the middle of its axis
   const margin = Math.max(0.08 * (high - low), 1e-6 + 0.01 * Math.abs(high), flat);
   return { min: low - margin, max: high + margin };
 }
