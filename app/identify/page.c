@@ -110,7 +110,7 @@ static void identify_plot(struct report *report, const char *id, const struct re
     free(residual);
 }
 
-/* Formats a number by the conversion 'f' or 'g'; "-" if there is none. Writes values below 1e-9,
+/* Formats a number by the conversion 'f' or 'g'; "-" if there is none. Below 1e-9 is rounding. */
  * which are rounding errors, as 0. */
 static const char *number_text(double value, char conversion, char text[32])
 {
