@@ -111,7 +111,6 @@ static void identify_plot(struct report *report, const char *id, const struct re
 }
 
 /* Formats a number by the conversion 'f' or 'g'; "-" if there is none. Below 1e-9 is rounding. */
- * which are rounding errors, as 0. */
 static const char *number_text(double value, char conversion, char text[32])
 {
     snprintf(text, 32, conversion == 'f' ? "%.4f" : "%.4g", fabs(value) < 1e-9 ? 0.0 : value);
