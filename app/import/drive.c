@@ -106,12 +106,22 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
     *strength = source->effort;
     *speed = source->velocity;
 
-    /* An effort of 0, or far above all loads, is a placeholder */
+    /* A velocity of 0, or a very large one, is a placeholder */
+    if (source->type != IMPORT_PRISMATIC && (!(*speed > 0.0) || *speed > SPEED_MOST_RAD_S)) {
+        *speed = SPEED_RAD_S;
+        import_note_add(notes, IMPORT_ASSUMED, file, source->line,
+                        "joint \"%.63s\" is as fast as %.3g rad/s: the file's velocity %g %s",
+                        source->name, *speed, source->velocity,
+                        source->velocity > 0.0 ? "is a placeholder" : "is none");
+    }
+
+    /* An effort of 0, or far above all loads, is a placeholder. The joint is strong enough to reach
+     * its speed against its damping */
     if (!(*strength > 0.0) || *strength > PLACEHOLDER_TIMES * most_load) {
         *strength =
             fmax(fmax(STRENGTH_TIMES * load, (wheel ? WHEEL_SHARE : 0.02) * most_load), 1e-3);
         *strength += source->friction;
-        *strength += source->damping * (*speed > 0.0 ? fmin(*speed, SPEED_RAD_S) : SPEED_RAD_S);
+        *strength += source->damping * *speed;
         import_note_add(notes, IMPORT_ASSUMED, file, source->line,
                         "joint \"%.63s\" is as strong as %.3g N m: the file's effort %g %s",
                         source->name, *strength, source->effort,
@@ -125,15 +135,6 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
                         "and with %.3g it could not move",
                         source->name, CARRY_TIMES * bears, bears, *strength);
         *strength = CARRY_TIMES * bears;
-    }
-
-    /* A velocity of 0, or a very large one, is a placeholder */
-    if (source->type != IMPORT_PRISMATIC && (!(*speed > 0.0) || *speed > SPEED_MOST_RAD_S)) {
-        *speed = SPEED_RAD_S;
-        import_note_add(notes, IMPORT_ASSUMED, file, source->line,
-                        "joint \"%.63s\" is as fast as %.3g rad/s: the file's velocity %g %s",
-                        source->name, *speed, source->velocity,
-                        source->velocity > 0.0 ? "is a placeholder" : "is none");
     }
 }
 
@@ -383,7 +384,7 @@ static struct import_gains gains_choose(const struct robot_sea *sea, double I, d
     D = fmin(2.0 * sqrt(K * I), most) - own;
     return (struct import_gains){.kp_v_per_rad = K * sea->R / sea->Kt,
                                  .kd_v_s_per_rad = fmax(D, 0.0) * sea->R / sea->Kt,
-                                 .kw_v_s_per_rad = sea->Kw,
+                                 .kw_v_s_per_rad = own * sea->R / sea->Kt,
                                  .load_v_per_nm = sea->R / sea->Kt,
                                  .short_of = K < holds ? K / holds : 0.0};
 }

@@ -52,6 +52,7 @@ struct import_gains {
  * the loop by at most 5 mrad. K is limited to between (30 rad/s)^2 I and (60 rad/s)^2 I. Above
  * that, the delay of the buses, about 4 ms, would use up the phase margin. The damping makes the
  * loop aperiodic: D = 2 sqrt(K I), minus the motor's own damping Dm + N Kt N Kw / R.
+ * kw compensates the motor's own damping at the speed of the reference.
  *
  * Above the resonance of the spring, the loop moves only the rotor. Therefore the part of D from
  * feedback is at most J / 10 ms, and K is at most (100 rad/s)^2 J and D^2 / I (half of the

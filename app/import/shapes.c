@@ -60,7 +60,8 @@ static void axis_to_rotation(int m, double R[9])
 }
 
 /* Fits the enclosing capsule of points along the longest side of their bounding box. On the base,
- * which is rarely round, fits the box if its volume is smaller. */
+ * which is rarely round, and on all of a robot that rolls, whose parts must clear the ground, fits
+ * the box if its volume is smaller. */
 static void capsule_hold_points(const double (*point)[3], size_t count, bool rolls,
                                 struct robot_capsule *capsule)
 {
@@ -109,8 +110,9 @@ static void capsule_hold_points(const double (*point)[3], size_t count, bool rol
         side[m] = 0.5 * (high[m] - low[m]);
         side[m] = fmax(side[m] - (rolls ? fmin(CLEARANCE_M, 0.2 * side[m]) : 0.0), 1e-6);
     }
-    if (capsule->body == 0 && 8.0 * side[0] * side[1] * side[2] <
-                                  M_PI * radius * radius * (capsule->length + 4.0 / 3.0 * radius)) {
+    if ((capsule->body == 0 || rolls) &&
+        8.0 * side[0] * side[1] * side[2] <
+            M_PI * radius * radius * (capsule->length + 4.0 / 3.0 * radius)) {
         memcpy(capsule->half, side, sizeof side);
         mat3_identity(capsule->rotation);
         capsule->radius = capsule->length = 0.0;

@@ -46,6 +46,27 @@ enum { DRIVE_S = 4, TICKS = 6400 };
 #define TWO(shape)                                                                                 \
     CHASSIS CASTORS WHEEL("left", "0 0.15 0", "0 1 0", SMALL, shape)                               \
         WHEEL("right", "0 -0.15 0", "0 1 0", SMALL, shape) "</robot>"
+/* A disc that lies 20 mm above the ground; a capsule about it would reach down to the ground */
+#define DISC                                                                                       \
+    CHASSIS CASTORS WHEEL("left", "0 0.15 0", "0 1 0", SMALL, CYLINDER("0.08", "0.03")) WHEEL(     \
+        "right", "0 -0.15 0", "0 1 0", SMALL,                                                      \
+        CYLINDER(                                                                                  \
+            "0.08",                                                                                \
+            "0.03")) "<link name='disc'>" INERTIAL("0.1", "0.001", "0.001",                        \
+                                                   "0.001") "<collision>" ROUND "<geometry><mesh " \
+                                                            "filename='wheel.obj'/></geometry></"  \
+                                                            "collision></link><joint name='d' "    \
+                                                            "type='revolute'><parent "             \
+                                                            "link='base'/><child "                 \
+                                                            "link='disc'/><origin xyz='0.05 0 "    \
+                                                            "-0.04'/>"                             \
+                                                            "<axis xyz='0 0 1'/><limit "           \
+                                                            "lower='-1' upper='1' effort='5' "     \
+                                                            "velocity='5'/></joint></robot>"
+#define DAMPED "0 1 0'/><dynamics damping='6"
+#define TWO_DAMPED                                                                                 \
+    CHASSIS CASTORS WHEEL("left", "0 0.15 0", DAMPED, SMALL, CYLINDER("0.08", "0.03"))             \
+        WHEEL("right", "0 -0.15 0", DAMPED, SMALL, CYLINDER("0.08", "0.03")) "</robot>"
 #define FOUR                                                                                       \
     BASE("0 0 0.12", INERTIAL("46", "0.6", "1.7", "2"),                                            \
          "<collision><geometry><box size='0.98 0.5 0.12'/></geometry></collision>")                \
@@ -223,6 +244,8 @@ TEST_WITH(wheels_roll_as_far_as_they_turn, open_folder, close_folder)
         {"turn", two, 0.08, 0.3, -5, 5, 1, 0.01, 0.03, 1e-4},
         {"arc", two, 0.08, 0.3, 8, 12, 1, 0.01, 0.03, 1e-4},
         {"wheels of a mesh", mesh, 0.08, 0.3, 8, 12, 1, 0.01, 0.03, 1e-4},
+        {"damped wheels", TWO_DAMPED, 0.08, 0.3, 8, 12, 1, 0.01, 0.03, 1e-4},
+        {"disc above the ground", DISC, 0.08, 0.3, 8, 12, 1, 0.01, 0.03, 1e-4},
         {"balls", ball, 0.08, 0.3, 8, 12, 1, 0.01, 0.03, 1e-4},
         {"four wheels", FOUR, 0.165, 0.57, 10, 10, 1, 0.01, 0.03, 1e-3},
         {"torso below its axle", HANGING, 0.165, 0.4, 8, 8, -1, 0.01, 0.03, 1e-3},

@@ -885,14 +885,26 @@ TEST_WITH(effort_of_a_balanced_wheel_counts, open_default, close_arena)
 /* Wheels without effort move their share of the weight, against their friction and damping */
 TEST_WITH(wheels_without_effort_are_strong_enough_to_drive, open_default, close_arena)
 {
-    import_good(ROBOT(LINK("base") LINK("v") LINK("w")
-                          JOINT("j", "continuous", "base", "v", "<axis xyz='0 1 0'/>")
-                              JOINT("k", "continuous", "base", "w",
-                                    "<axis xyz='0 1 0'/><dynamics friction='2' damping='0.5'/>")));
-    assert_true(made.rolls && made.robot->floating);
-    assert_true(made.robot->joint[0].torque_limit >= 0.5 * 3 * 9.81 * 0.1 - 1e-9);
-    assert_near(made.robot->joint[1].torque_limit,
-                made.robot->joint[0].torque_limit + 2 + 0.5 * 2 * M_PI, 1e-9);
+    static const struct {
+        const char *limit;
+        double speed;
+    } row[] = {{"", 2 * M_PI}, {"<limit effort='0' velocity='20'/>", 20}};
+
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+        char text[1024];
+
+        snprintf(text, sizeof text,
+                 ROBOT(LINK("base") LINK("v") LINK("w") JOINT("j", "continuous", "base", "v",
+                                                              "<axis xyz='0 1 0'/>")
+                           JOINT("k", "continuous", "base", "w",
+                                 "<axis xyz='0 1 0'/>%s<dynamics friction='2' damping='0.5'/>")),
+                 row[i].limit);
+        import_good(text);
+        assert_true(made.rolls && made.robot->floating);
+        assert_true(made.robot->joint[0].torque_limit >= 0.5 * 3 * 9.81 * 0.1 - 1e-9);
+        assert_near(made.robot->joint[1].torque_limit,
+                    made.robot->joint[0].torque_limit + 2 + 0.5 * row[i].speed, 1e-9);
+    }
 }
 
 TEST_WITH(shapes_of_size_0_are_dropped, open_default, close_arena)
