@@ -23,6 +23,8 @@
 #define STUCK_RAD 5e-3       /* largest error that the file's dry friction leaves in a loop */
 #define FOOT_M 0.02          /* a body whose lowest point is this close to the ground is a foot */
 #define STRENGTH_MOST_NM 1e6 /* largest strength that a robot file may have */
+#define TRAIL_M 2e-3         /* least trail of a castor */
+#define CASTOR_SQUARE 0.9    /* least sine between a castor's axle and swivel */
 #define SPEED_RAD_S (2.0 * M_PI) /* assumed speed */
 #define SPEED_MOST_RAD_S 100.0   /* a higher speed in the file is a placeholder */
 #define GEAR 100.0               /* assumed reduction ratio */
@@ -208,11 +210,66 @@ static void drive_take(const struct import_robot *from, size_t j, double bears, 
     }
 }
 
-/* Checks whether joint j has no drive. This is so if all actuators of the file are for other
- * joints, and no --drive option names the joint. */
-static bool is_passive(const struct import_robot *from, size_t j)
+/* ---- castors ---- */
+
+/* Counts the bodies that hang on body b. *child receives the last of them. */
+static size_t body_count_children(const struct robot *robot, size_t b, size_t *child)
 {
-    return from->model->actuated && !from->model->drives_others && !from->source[j]->driven &&
+    size_t count = 0;
+
+    for (size_t c = b + 1; c < robot->nbody; c++) {
+        if (robot->body[c].parent == (int)b) {
+            count++;
+            *child = c;
+        }
+    }
+    return count;
+}
+
+/* Marks the joints of castors of a robot that rolls: a swivel on the base, and a wheel on it that
+ * trails behind the swivel's axis. Both turn for ever, without an actuator in the file, and the
+ * wheel's axle is no higher than the highest axle of the wheels on the base. */
+static void robot_mark_castors(const struct import_robot *from, const struct body_motion *bodies,
+                               bool *castor)
+{
+    const struct robot *robot = from->robot;
+    double high = -INFINITY;
+    size_t wheel = 0;
+
+    for (size_t b = 1; b < robot->nbody; b++) {
+        if (robot->body[b].parent == 0 && from->source[b - 1]->type == IMPORT_CONTINUOUS &&
+            body_count_children(robot, b, &wheel) == 0) {
+            high = fmax(high, bodies[b].p[2]);
+        }
+    }
+    for (size_t b = 1; b < robot->nbody && from->rolls; b++) {
+        double up[3], axle[3], ahead[3], arm[3], across;
+
+        if (robot->body[b].parent != 0 || from->source[b - 1]->type != IMPORT_CONTINUOUS ||
+            body_count_children(robot, b, &wheel) != 1 ||
+            from->source[wheel - 1]->type != IMPORT_CONTINUOUS ||
+            body_count_children(robot, wheel, &(size_t){0}) != 0 || from->source[b - 1]->driven ||
+            from->source[wheel - 1]->driven) {
+            continue;
+        }
+        mat3_apply(bodies[b].R, robot->joint[b - 1].axis, up);
+        mat3_apply(bodies[wheel].R, robot->joint[wheel - 1].axis, axle);
+        vec3_cross(axle, up, ahead);
+        vec3_sub(bodies[wheel].p, bodies[b].p, arm);
+        across = vec3_norm(ahead);
+        if (across > CASTOR_SQUARE && fabs(vec3_dot(arm, ahead)) > TRAIL_M * across &&
+            bodies[wheel].p[2] <= high + 1e-3) {
+            castor[b - 1] = castor[wheel - 1] = true;
+        }
+    }
+}
+
+/* Checks whether joint j has no drive. This is so if it is a castor's, or all actuators of the file
+ * are for other joints, and no --drive option names the joint. */
+static bool is_passive(const struct import_robot *from, const bool *castor, size_t j)
+{
+    return (castor[j] ||
+            (from->model->actuated && !from->model->drives_others && !from->source[j]->driven)) &&
            !from->drive[j];
 }
 
@@ -227,9 +284,12 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
     double *strength = arena_alloc(arena, n, sizeof *strength);
     double *speed = arena_alloc(arena, n, sizeof *speed);
     double *bears = arena_alloc(arena, n, sizeof *bears), most = 0.0;
+    double *zero = arena_alloc(arena, n, sizeof *zero);
+    struct body_motion *bodies = arena_alloc(arena, n, sizeof *bodies);
+    bool *castor = arena_alloc(arena, n, sizeof *castor);
     enum error_code code;
 
-    if (!reach || !load || !strength || !speed || !bears) {
+    if (!reach || !load || !strength || !speed || !bears || !zero || !bodies || !castor) {
         return error_set(error, ERROR_MEMORY, "%.200s: no memory for the drives",
                          from->model->file);
     }
@@ -237,6 +297,8 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
     if (code) {
         return code;
     }
+    robot_place_bodies(robot, (const double[3]){0}, (const double[4]){1}, zero, bodies);
+    robot_mark_castors(from, bodies, castor);
     robot_find_loads(robot, reach, load);
     import_lead(robot, IMPORT_LEAD_LOADS, load);
     most = WEIGHT_ARM_M * GRAVITY * robot->total_mass;
@@ -277,7 +339,7 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
             continue;
         }
         if (source->friction > 0.0 &&
-            (from->drive[j] || joint->type != JOINT_REVOLUTE || is_passive(from, j))) {
+            (from->drive[j] || joint->type != JOINT_REVOLUTE || is_passive(from, castor, j))) {
             import_note_add(notes, IMPORT_DROPPED, source->file, source->line,
                             "dry friction %g of joint \"%.63s\": only assumed drives have it",
                             source->friction, source->name);
@@ -285,7 +347,7 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
         joint->torque_limit = strength[j];
         joint->passive =
             (struct robot_passive){.stiffness = source->stiffness, .rest = source->rest};
-        if (joint->type != JOINT_REVOLUTE || is_passive(from, j)) {
+        if (joint->type != JOINT_REVOLUTE || is_passive(from, castor, j)) {
             joint->passive.damping = source->damping; /* motors have their own damping */
             if (joint->type == JOINT_REVOLUTE && !(source->stiffness > 0.0)) {
                 import_note_add(

@@ -24,6 +24,8 @@
 
 /* Height of a hanging robot's lowest point above the ground, m. */
 #define HANG_CLEARANCE_M 0.3
+/* A wheel whose lowest point is this close to the robot's lowest point is on the ground. */
+#define WHEEL_HEIGHT_M 0.02
 
 /* The output folder and its subfolders. Subfolders for copies are only made if they are needed. */
 static const char *const import_folder[] = {"",        "/robots", "/rigs",
@@ -353,6 +355,30 @@ static const char *pose_find_like(const struct robot *robot)
     return NULL;
 }
 
+/* Checks whether the robot stands on wheels wherever they hang, on its base or on legs: two bodies
+ * or more that turn for ever and have the lowest discs or balls. */
+static bool robot_stands_on_wheels(const struct import_robot *from,
+                                   const struct body_motion *bodies, double lowest)
+{
+    const struct robot *robot = from->robot;
+    int first = 0;
+
+    for (size_t c = 0; c < robot->ncapsule; c++) {
+        const struct robot_capsule *capsule = &robot->capsule[c];
+        const int body = capsule->body;
+
+        if (body > 0 && from->source[body - 1]->type == IMPORT_CONTINUOUS &&
+            (capsule->flat || capsule->length == 0.0) && capsule->radius > 0.0 &&
+            import_capsule_bottom(capsule, bodies) < lowest + WHEEL_HEIGHT_M) {
+            if (first && first != body) {
+                return true;
+            }
+            first = body;
+        }
+    }
+    return false;
+}
+
 /* Chooses the initial pose for hanging and, for a floating robot, for standing. Computes the height
  * of the base in both, m. */
 static enum error_code import_choose_poses(struct importer *m, struct import_rig *rig)
@@ -380,7 +406,8 @@ static enum error_code import_choose_poses(struct importer *m, struct import_rig
     /* A hanging robot is clear of the ground; a standing robot's lowest point is on the ground */
     shaped = import_find_lowest(robot, robot->pose[pose].joint, bodies, &lowest);
     rig->height_m = (shaped ? -lowest : 1.0) + HANG_CLEARANCE_M;
-    if (robot->floating && (like || m->robot.rolls) && shaped) {
+    rig->rolls = rig->rolls || (shaped && robot_stands_on_wheels(&m->robot, bodies, lowest));
+    if (robot->floating && (like || rig->rolls) && shaped) {
         rig->standing = rig->pose;
         rig->standing_height_m = -lowest;
     }

@@ -514,7 +514,7 @@ static size_t xml_count_children(const xmlNode *node, const char *name)
     return count;
 }
 
-/* Reads the gear ratio of a <transmission>. Drops a transmission without a gear or with several
+/* Reads the gear ratio of a <transmission>, whose joint is driven. Drops a transmission without a gear or with several
  * joints, with a note. */
 static void urdf_read_transmission(const struct import_reader *r, const xmlNode *node)
 {
@@ -524,6 +524,9 @@ static void urdf_read_transmission(const struct import_reader *r, const xmlNode 
     int at = name ? import_find_joint(r->model, name) : -1;
     double ratio;
 
+    if (at >= 0) {
+        r->model->joint[at].driven = true;
+    }
     gear = gear ? gear : xml_child(node, "mechanicalReduction");
     if (!gear || at < 0 || xml_next(joint, "joint")) {
         reader_note(r, IMPORT_DROPPED, node, "transmission \"%.63s\": no gear of one joint",

@@ -24,11 +24,12 @@ enum { DRIVE_S = 4, TICKS = 6400 };
     "<robot name='r'><link name='base'>" inertial "</link><link name='body'>" shape                \
     "</link><joint name='b' type='fixed'><parent link='base'/><child link='body'/>"                \
     "<origin xyz='" com "'/></joint>"
-#define WHEEL(name, place, axis, inertial, shape)                                                  \
+#define WHEEL_ON(parent, name, place, axis, inertial, shape)                                       \
     "<link name='" name "'>" inertial "<collision>" shape "</collision></link>"                    \
-    "<joint name='" name "_wheel' type='continuous'><parent link='base'/><child link='" name       \
+    "<joint name='" name "_wheel' type='continuous'><parent link='" parent "'/><child link='" name \
     "'/><origin xyz='" place "'/><axis xyz='" axis "'/>"                                           \
     "<limit effort='40' velocity='20'/></joint>"
+#define WHEEL(...) WHEEL_ON("base", __VA_ARGS__)
 #define ROUND "<origin rpy='1.5707963267948966 0 0'/>"
 #define CYLINDER(radius, width)                                                                    \
     ROUND "<geometry><cylinder radius='" radius "' length='" width "'/></geometry>"
@@ -48,25 +49,34 @@ enum { DRIVE_S = 4, TICKS = 6400 };
         WHEEL("right", "0 -0.15 0", "0 1 0", SMALL, shape) "</robot>"
 /* A disc that lies 20 mm above the ground; a capsule about it would reach down to the ground */
 #define DISC                                                                                       \
-    CHASSIS CASTORS WHEEL("left", "0 0.15 0", "0 1 0", SMALL, CYLINDER("0.08", "0.03")) WHEEL(     \
-        "right", "0 -0.15 0", "0 1 0", SMALL,                                                      \
-        CYLINDER(                                                                                  \
-            "0.08",                                                                                \
-            "0.03")) "<link name='disc'>" INERTIAL("0.1", "0.001", "0.001",                        \
-                                                   "0.001") "<collision>" ROUND "<geometry><mesh " \
-                                                            "filename='wheel.obj'/></geometry></"  \
-                                                            "collision></link><joint name='d' "    \
-                                                            "type='revolute'><parent "             \
-                                                            "link='base'/><child "                 \
-                                                            "link='disc'/><origin xyz='0.05 0 "    \
-                                                            "-0.04'/>"                             \
-                                                            "<axis xyz='0 0 1'/><limit "           \
-                                                            "lower='-1' upper='1' effort='5' "     \
-                                                            "velocity='5'/></joint></robot>"
+    "<link name='disc'><inertial><mass value='0.1'/><inertia ixx='0.001' iyy='0.001' izz='0.001' " \
+    "ixy='0' ixz='0' iyz='0'/></inertial><collision><origin rpy='1.5707963267948966 0 0'/>"        \
+    "<geometry><mesh filename='wheel.obj'/></geometry></collision></link>"                         \
+    "<joint name='d' type='revolute'><parent link='base'/><child link='disc'/>"                    \
+    "<origin xyz='0.05 0 -0.04'/><axis xyz='0 0 1'/>"                                              \
+    "<limit lower='-1' upper='1' effort='5' velocity='5'/></joint>"
+/* A castor whose wheel trails, without a transmission */
+#define SWIVEL(name, place)                                                                        \
+    "<link name='" name "'>" SMALL "</link><joint name='" name "_swivel' type='continuous'>"       \
+    "<parent link='base'/><child link='" name "'/><origin xyz='" place "'/><axis xyz='0 0 1'/>"    \
+    "</joint>" WHEEL_ON(name, name "_roll", "-0.02 0 -0.03", "0 1 0", SMALL,                       \
+                        CYLINDER("0.03", "0.005"))
+#define PAIR(axis)                                                                                 \
+    WHEEL("left", "0 0.15 0", axis, SMALL, CYLINDER("0.08", "0.03"))                               \
+    WHEEL("right", "0 -0.15 0", axis, SMALL, CYLINDER("0.08", "0.03"))
 #define DAMPED "0 1 0'/><dynamics damping='6"
-#define TWO_DAMPED                                                                                 \
-    CHASSIS CASTORS WHEEL("left", "0 0.15 0", DAMPED, SMALL, CYLINDER("0.08", "0.03"))             \
-        WHEEL("right", "0 -0.15 0", DAMPED, SMALL, CYLINDER("0.08", "0.03")) "</robot>"
+#define LEG(name, place)                                                                           \
+    "<link name='" name "_leg'>" SMALL "</link><joint name='" name "_hip' type='revolute'>"        \
+    "<parent link='base'/><child link='" name "_leg'/><origin xyz='" place "'/>"                   \
+    "<axis xyz='0 1 0'/><limit lower='-1' upper='1' effort='100' "                                 \
+    "velocity='10'/></joint>" WHEEL_ON(name "_leg", name, "0 0 -0.2", "0 1 0", SMALL,              \
+                                       CYLINDER("0.08", "0.03"))
+#define LEGGED                                                                                     \
+    BASE("0 0 0.02", INERTIAL("6", "0.06", "0.07", "0.1"),                                         \
+         "<collision><geometry><box size='0.4 0.2 0.05'/></geometry></collision>")                 \
+    LEG("left", "0.2 0.15 0")                                                                      \
+    LEG("right", "0.2 -0.15 0") LEG("left2", "-0.2 0.15 0") LEG("right2", "-0.2 -0.15 0") "</"     \
+                                                                                          "robot>"
 #define FOUR                                                                                       \
     BASE("0 0 0.12", INERTIAL("46", "0.6", "1.7", "2"),                                            \
          "<collision><geometry><box size='0.98 0.5 0.12'/></geometry></collision>")                \
@@ -238,16 +248,23 @@ TEST_WITH(wheels_roll_as_far_as_they_turn, open_folder, close_folder)
     static const char mesh[] = TWO("<geometry><mesh filename='wheel.obj'/></geometry>");
     static const char ball[] = TWO("<geometry><sphere radius='0.08'/></geometry>");
     static const char two[] = TWO(CYLINDER("0.08", "0.03"));
+    static const char damped[] = CHASSIS CASTORS PAIR(DAMPED) "</robot>";
+    static const char disc[] = CHASSIS CASTORS PAIR("0 1 0") DISC "</robot>";
+    static const char swivels[] =
+        CHASSIS PAIR("0 1 0") SWIVEL("a", "0.12 0 -0.02") SWIVEL("b", "-0.12 0 -0.02") "</robot>";
     static const struct ride row[] = {
         {"straight", two, 0.08, 0.3, 12, 12, 1, 0.01, 0.03, 1e-4},
         {"backward", two, 0.08, 0.3, -12, -12, 1, 0.01, 0.03, 1e-4},
         {"turn", two, 0.08, 0.3, -5, 5, 1, 0.01, 0.03, 1e-4},
         {"arc", two, 0.08, 0.3, 8, 12, 1, 0.01, 0.03, 1e-4},
         {"wheels of a mesh", mesh, 0.08, 0.3, 8, 12, 1, 0.01, 0.03, 1e-4},
-        {"damped wheels", TWO_DAMPED, 0.08, 0.3, 8, 12, 1, 0.01, 0.03, 1e-4},
-        {"disc above the ground", DISC, 0.08, 0.3, 8, 12, 1, 0.01, 0.03, 1e-4},
+        {"damped wheels", damped, 0.08, 0.3, 8, 12, 1, 0.01, 0.03, 1e-4},
+        {"disc above the ground", disc, 0.08, 0.3, 8, 12, 1, 0.01, 0.03, 1e-4},
+        {"castors that swivel", swivels, 0.08, 0.3, 8, 12, 1, 0.01, 0.03, 1e-3},
+        {"castors turn", swivels, 0.08, 0.3, -5, 5, 1, 0.01, 0.03, 1e-3},
         {"balls", ball, 0.08, 0.3, 8, 12, 1, 0.01, 0.03, 1e-4},
         {"four wheels", FOUR, 0.165, 0.57, 10, 10, 1, 0.01, 0.03, 1e-3},
+        {"wheels on legs", LEGGED, 0.08, 0.3, 10, 10, 1, 0.01, 0.03, 2e-3},
         {"torso below its axle", HANGING, 0.165, 0.4, 8, 8, -1, 0.01, 0.03, 1e-3},
     };
 

@@ -907,6 +907,40 @@ TEST_WITH(wheels_without_effort_are_strong_enough_to_drive, open_default, close_
     }
 }
 
+/* A castor trails, turns low, and has no transmission */
+TEST_WITH(castors_of_a_robot_that_rolls_turn_freely, open_default, close_arena)
+{
+    static const struct {
+        const char *place, *more;
+        bool free;
+    } row[] = {{"-0.02 0 -0.03", "", true},
+               {"0 0 -0.03", "", false},
+               {"0 0.02 -0.03", "", false},
+               {"-0.02 0 0.5", "", false},
+               {"-0.02 0 -0.03", "<transmission name='t'><joint name='s'/></transmission>", false}};
+
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+        char text[2048];
+
+        snprintf(text, sizeof text,
+                 ROBOT(LINK("base") LINK("v") LINK("w") LINK("swivel") LINK("roll")
+                           JOINT("j", "continuous", "base", "v", "<axis xyz='0 1 0'/>")
+                               JOINT("k", "continuous", "base", "w", "<axis xyz='0 1 0'/>")
+                                   JOINT("s", "continuous", "base", "swivel", "<axis xyz='0 0 1'/>")
+                                       JOINT("r", "continuous", "swivel", "roll",
+                                             "<axis xyz='0 1 0'/><origin xyz='%s'/>") "%s"),
+                 row[i].place, row[i].more);
+        import_good(text);
+        assert_int_equal(made.robot->njoint, 4);
+        for (size_t j = 0; j < 4; j++) {
+            const char *name = made.robot->joint[j].name;
+
+            assert_int_equal(made.robot->joint[j].sea.present,
+                             !row[i].free || *name == 'j' || *name == 'k');
+        }
+    }
+}
+
 TEST_WITH(shapes_of_size_0_are_dropped, open_default, close_arena)
 {
     static const char *const shapes[] = {"<box size='0 0 0'/>", "<box size='1 0 1'/>",
