@@ -269,10 +269,17 @@ enum error_code import_write_standing(const struct import_rig *rig, const char *
 {
     const struct robot *robot = rig->robot;
     struct whole_file file;
+    bool settles = true;
     enum error_code code = whole_file_open(&file, path, error);
 
     if (code) {
         return code;
+    }
+    /* A castor turns behind its swivel first, so a robot with castors starts without settling */
+    for (size_t j = 0; j < robot->njoint && rig->rolls; j++) {
+        settles =
+            settles && (robot->joint[j].type != JOINT_REVOLUTE ||
+                        robot_joint_is_driven(&robot->joint[j]) || robot_find_coupling(robot, j));
     }
     fprintf(file.out,
             "# Made by `coman-hil import`: the robot on the ground in the pose of that name.\n"
@@ -280,9 +287,10 @@ enum error_code import_write_standing(const struct import_rig *rig, const char *
             "name: \"%.50s-standing\"\n"
             "description: imported, on the ground\n\n"
             "robot: {fixed_base: false}\n\n"
-            "initial:\n  pose: \"%s\"\n  base_xyz_m: [0.0, 0.0, %.6g]\n  settle: true\n\n"
+            "initial:\n  pose: \"%s\"\n  base_xyz_m: [0.0, 0.0, %.6g]\n  settle: %s\n\n"
             "scene:\n  engine: native\n  friction: sticking\n",
-            robot->name, robot->name, rig->standing, rig->standing_height_m);
+            robot->name, robot->name, rig->standing, rig->standing_height_m,
+            settles ? "true" : "false");
 
     /* Write the materials of ground and robot. Their stiffness is proportional to the weight, so
      * that the layers deflect by some tenths of a millimeter under the whole weight. Wheels touch

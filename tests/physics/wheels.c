@@ -75,8 +75,9 @@ enum { DRIVE_S = 4, TICKS = 6400 };
     BASE("0 0 0.02", INERTIAL("6", "0.06", "0.07", "0.1"),                                         \
          "<collision><geometry><box size='0.4 0.2 0.05'/></geometry></collision>")                 \
     LEG("left", "0.2 0.15 0")                                                                      \
-    LEG("right", "0.2 -0.15 0") LEG("left2", "-0.2 0.15 0") LEG("right2", "-0.2 -0.15 0") "</"     \
-                                                                                          "robot>"
+    LEG("right", "0.2 -0.15 0")                                                                    \
+    LEG("left2", "-0.2 0.15 0") LEG("right2", "-0.2 -0.15 0") "</"                                 \
+                                                              "robot>"
 #define FOUR                                                                                       \
     BASE("0 0 0.12", INERTIAL("46", "0.6", "1.7", "2"),                                            \
          "<collision><geometry><box size='0.98 0.5 0.12'/></geometry></collision>")                \
@@ -219,8 +220,9 @@ static void ride(const struct ride *r)
                                         &input.trajectory, &error),
                     error.text);
     config.rig = rig;
+    assert_int_equal(rig->settle, strstr(r->text, "swivel") == NULL);
     config.hold = rig->hold;
-    config.settle = true;
+    config.settle = rig->settle;
     w.simulator = rig_run_open(&config, &arena, NULL);
     simulator_run(w.simulator);
     task_runner_read(simulator_task_runner(w.simulator), &status);
