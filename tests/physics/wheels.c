@@ -71,13 +71,11 @@ enum { DRIVE_S = 4, TICKS = 6400 };
     "<axis xyz='0 1 0'/><limit lower='-1' upper='1' effort='100' "                                 \
     "velocity='10'/></joint>" WHEEL_ON(name "_leg", name, "0 0 -0.2", "0 1 0", SMALL,              \
                                        CYLINDER("0.08", "0.03"))
+#define LEGS(side, y) LEG(side, "0.2 " y " 0") LEG(side "2", "-0.2 " y " 0")
 #define LEGGED                                                                                     \
     BASE("0 0 0.02", INERTIAL("6", "0.06", "0.07", "0.1"),                                         \
          "<collision><geometry><box size='0.4 0.2 0.05'/></geometry></collision>")                 \
-    LEG("left", "0.2 0.15 0")                                                                      \
-    LEG("right", "0.2 -0.15 0")                                                                    \
-    LEG("left2", "-0.2 0.15 0") LEG("right2", "-0.2 -0.15 0") "</"                                 \
-                                                              "robot>"
+    LEGS("left", "0.15") LEGS("right", "-0.15") "</robot>"
 #define FOUR                                                                                       \
     BASE("0 0 0.12", INERTIAL("46", "0.6", "1.7", "2"),                                            \
          "<collision><geometry><box size='0.98 0.5 0.12'/></geometry></collision>")                \
