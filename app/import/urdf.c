@@ -514,8 +514,8 @@ static size_t xml_count_children(const xmlNode *node, const char *name)
     return count;
 }
 
-/* Reads the gear ratio of a <transmission>, whose joint is driven. Drops a transmission without a gear or with several
- * joints, with a note. */
+/* Reads the gear ratio of a <transmission>, whose joint is driven. Drops a transmission without a
+ * gear or with several joints, with a note. */
 static void urdf_read_transmission(const struct import_reader *r, const xmlNode *node)
 {
     const xmlNode *joint = xml_child(node, "joint"), *actuator = xml_child(node, "actuator");
