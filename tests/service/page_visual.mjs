@@ -203,7 +203,7 @@ async function judgeArm(browser, work, errors) {
       const { scene, hello } = window.coman.page;
       const body = hello.scene.bodies.findIndex(({ name }) => name === 'hand');
       return scene.robot.bodies[body].children.filter(({ visible, geometry }) => visible
-        && geometry?.type === 'CapsuleGeometry').length;
+        && geometry?.type === 'BoxGeometry').length;
     });
     check(hand === 1, 'in its place is what can touch', hand);
     await save(page, 'arm');
