@@ -947,7 +947,7 @@ TEST(a_drive_reports_and_takes_torques_by_the_gains_of_the_rig)
     assert_near(bench_lacking_a(base, 0), 0.0, 0.02);
 }
 
-/* The integral of the velocity loop ends at the current limit, whatever the gain of the torque. */
+/* The velocity loop's integral stops at the current limit. torque_gain does not move this limit. */
 TEST(the_integral_of_a_velocity_loop_reaches_the_current_limit)
 {
     static const double gains[] = {0.0, 0.5, 2.0};
